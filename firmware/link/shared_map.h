@@ -1,0 +1,32 @@
+// What the link needs of the robot's map: reading its own layers, writing the others'.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "shared/geometry/grid_frame.h"
+#include "shared/status/status.h"
+
+namespace ivfm {
+
+// The layers that robots share.
+enum class Layer : std::uint8_t {
+  kVisits = 0,     // counts 0..255, saturating: actions in which the robot saw the cell
+  kObstacles = 1,  // 0 or 1: the robot holds the cell to be occupied
+};
+
+class SharedMap {
+ public:
+  // Copies this robot's own cells of `rect` into `out` (rect.area() bytes, row by row from the
+  // lowest row). kOutOfRange: `rect` is not inside the map's window; kInvalidArgument: wrong size.
+  virtual Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const = 0;
+  // Replaces what the other robots together saw in `rect`; cells outside the window are ignored.
+  // kInvalidArgument: `cells` is not rect.area() bytes.
+  virtual Status write_peers(Layer layer, const CellRect& rect,
+                             std::span<const std::uint8_t> cells) = 0;
+
+ protected:
+  ~SharedMap() = default;
+};
+
+}  // namespace ivfm

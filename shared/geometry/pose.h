@@ -1,0 +1,36 @@
+// Positions and poses in the map frame (REP 105), in integers.
+#pragma once
+
+#include <cstdint>
+
+#include "shared/geometry/binary_angle.h"
+
+namespace ivfm {
+
+// A point in micrometres. int32 reaches 2.1 km from the map's origin.
+struct Point {
+  std::int32_t x_um = 0;
+  std::int32_t y_um = 0;
+  constexpr bool operator==(const Point&) const = default;
+};
+
+// Where a robot is: position of the middle of its axle and heading (0 = +x, counter-clockwise).
+struct Pose {
+  Point position;
+  BinaryAngle heading;
+  constexpr bool operator==(const Pose&) const = default;
+};
+
+// The point `forward_um` ahead and `left_um` to the left of `pose` (T_map_robot applied).
+constexpr Point transform(const Pose& pose, std::int32_t forward_um, std::int32_t left_um) {
+  const std::int32_t c = cos_q30(pose.heading), s = sin_q30(pose.heading);
+  return {pose.position.x_um + scale_q30(forward_um, c) - scale_q30(left_um, s),
+          pose.position.y_um + scale_q30(forward_um, s) + scale_q30(left_um, c)};
+}
+
+constexpr std::int64_t squared_distance_um2(Point a, Point b) {
+  const std::int64_t dx = std::int64_t{a.x_um} - b.x_um, dy = std::int64_t{a.y_um} - b.y_um;
+  return dx * dx + dy * dy;
+}
+
+}  // namespace ivfm
