@@ -1,0 +1,33 @@
+// `ivfm`: the host tool. Parses the command line and runs one subcommand.
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <iostream>
+
+#include "host/cli/commands.h"
+
+namespace {
+
+int run(int argc, char** argv) {
+  CLI::App app{"ivfm: explore unknown places with several cheap robots"};
+  app.require_subcommand(1);
+  app.set_version_flag("--version", "ivfm 0.1.0");
+  ivfm::host::CommandAction action;
+  // One line a subcommand, in the order of `ivfm --help`.
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  return action ? action() : 2;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& error) {
+    std::cerr << "ivfm: " << error.what() << '\n';
+    return 1;
+  }
+}
