@@ -10,9 +10,9 @@ namespace ivfm {
 
 // One classic frame with an 11-bit identifier. Data beyond `size` is zero.
 struct CanFrame {
-  std::uint16_t id = 0;      // 0 .. 0x7ff
-  std::uint8_t size = 0;     // 0 .. 8
-  bool remote = false;       // a remote transmission request (no data)
+  std::uint16_t id = 0;   // 0 .. 0x7ff
+  std::uint8_t size = 0;  // 0 .. 8
+  bool remote = false;    // a remote transmission request (no data)
   std::array<std::uint8_t, 8> data{};
   constexpr bool operator==(const CanFrame&) const = default;
 };

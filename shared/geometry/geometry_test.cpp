@@ -31,7 +31,8 @@ TEST(BinaryAngle, ArctangentMatchesTheLibraryInEveryDirection) {
   for (int raw = 0; raw < 65536; raw += 7) {
     const double exact = raw * std::numbers::pi / 32768.0;
     for (const double radius : {300.0, 1e4, 2e9}) {
-      const auto x = std::llround(radius * std::cos(exact)), y = std::llround(radius * std::sin(exact));
+      const auto x = std::llround(radius * std::cos(exact)),
+                 y = std::llround(radius * std::sin(exact));
       const double want = std::atan2(static_cast<double>(y), static_cast<double>(x));
       const double off = (atan2_binary(y, x) - BinaryAngle::from_radians(want)).signed_raw();
       ASSERT_LE(std::abs(off), 2.0) << raw << " at " << radius;
@@ -59,7 +60,8 @@ TEST(GridFrame, IndicesRunRowByRowFromTheLowestRow) {
   EXPECT_EQ(frame.size(), 12u);
   EXPECT_EQ(frame.index_of({-2, 5}), 0u);
   EXPECT_EQ(frame.index_of({1, 7}), 11u);
-  for (std::size_t i = 0; i < frame.size(); ++i) EXPECT_EQ(frame.index_of(frame.cell_of_index(i)), i);
+  for (std::size_t i = 0; i < frame.size(); ++i)
+    EXPECT_EQ(frame.index_of(frame.cell_of_index(i)), i);
 }
 
 TEST(CellRect, IntersectsAndUnites) {

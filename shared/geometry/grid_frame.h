@@ -27,8 +27,8 @@ struct CellRect {
   constexpr bool operator==(const CellRect&) const = default;
   constexpr bool empty() const { return width <= 0 || height <= 0; }
   constexpr std::int64_t area() const { return empty() ? 0 : std::int64_t{width} * height; }
-  constexpr std::int32_t right() const { return x + width; }   // first column outside
-  constexpr std::int32_t top() const { return y + height; }    // first row outside
+  constexpr std::int32_t right() const { return x + width; }  // first column outside
+  constexpr std::int32_t top() const { return y + height; }   // first row outside
   constexpr bool contains(Cell c) const {
     return c.x >= x && c.x < right() && c.y >= y && c.y < top();
   }

@@ -1,0 +1,65 @@
+# The commands of this project; each installs what it needs. `make` lists them.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+MAKEFLAGS += --no-print-directory
+
+JOBS ?= $(shell nproc)
+HOST := build/host
+# Arguments for the program that a target runs, e.g. make demo ARGS="--robots 3".
+ARGS ?=
+
+.PHONY: help
+help: ## This list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+.PHONY: deps
+deps: ## Install the Debian packages that are missing
+	@toolchains/install-dependencies.sh
+
+.PHONY: build
+build: deps ## Configure and build everything for this machine
+	@[[ -f $(HOST)/build.ninja ]] || cmake --preset host
+	@cmake --build --preset host -j $(JOBS)
+
+.PHONY: demo
+demo: build ## Two robots explore a real building's corridor, all in software
+	@$(HOST)/host/cli/ivfm demo --out out/demo $(ARGS)
+
+.PHONY: test
+test: build ## Build everything and run every test
+	@ctest --preset host -j $(JOBS) $(ARGS)
+
+.PHONY: bench
+bench: build ## Measure the parts of a decision against MRPT, and decisions a second
+	@for bench in $(HOST)/tests/bench/*_bench; do echo "== $$(basename $$bench)"; $$bench $(ARGS); done
+
+.PHONY: hil
+hil: ## Hardware in the loop: the cross-built robot on an emulated machine
+	@echo "make hil: not there yet; today 'make cross' runs the robot builds' tests under QEMU" >&2
+	@exit 1
+
+.PHONY: cross
+cross: deps ## Build the robot for aarch64, armhf and Cortex-M7; test the first two under QEMU
+	@for preset in aarch64 armhf cortex-m7; do \
+	  [[ -f build/$$preset/build.ninja ]] || cmake --preset $$preset; \
+	  cmake --build --preset $$preset -j $(JOBS); \
+	done
+	@for preset in aarch64 armhf; do ctest --preset $$preset -j $(JOBS); done
+
+.PHONY: train
+train: build ## Train a policy and quantize it (hours; ARGS="--help" lists the options)
+	@$(HOST)/host/trainer/ivfm-train $(ARGS)
+
+.PHONY: format
+format: deps ## Format every C++ source
+	@toolchains/format.sh
+
+.PHONY: lint
+lint: build ## Check format and clang-tidy on what changed since origin/main; ARGS=--all for all
+	@toolchains/format.sh --check
+	@toolchains/lint.sh $(HOST) $(ARGS)
+
+.PHONY: clean
+clean: ## Remove what was built and written
+	@rm -rf build out

@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# Installs every Debian 12 package that building, testing and the demo need; does nothing, quickly,
+# when all are there. Run by the Makefile.
+set -euo pipefail
+
+packages=(
+  # Build tools
+  build-essential ccache cmake git ninja-build pkg-config python3
+  # Command lines, config files, logs, JSON
+  libcli11-dev libspdlog-dev libtomlplusplus-dev nlohmann-json3-dev
+  # Fixed-size mathematics
+  libeigen3-dev
+  # Simulator: worlds, laser scans, real recordings (mrpt-common); pictures; map files
+  libmrpt-dev libopencv-dev libyaml-cpp-dev mrpt-common
+  # Map server: run database, live page, radio keys
+  libcpp-httplib-dev libsodium-dev libsqlite3-dev sqlite3
+  # Training
+  libopenmpi-dev libtorch-dev openmpi-bin
+  # Tests and benchmarks; another project's CAN library to talk to ours
+  googletest libbenchmark-dev libgmock-dev libgtest-dev python3-can
+  # Robot builds and their emulators
+  g++-aarch64-linux-gnu g++-arm-linux-gnueabihf
+  gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
+  qemu-user-static
+  # Format and lint
+  clang-format-14 clang-tidy-14
+)
+
+say() { echo "install-dependencies: $*" >&2; }
+
+missing=()
+installed=$(dpkg-query -W -f='${db:Status-Abbrev} ${Package}\n' | sed -n 's/^ii  *//p' | sort -u)
+for package in "${packages[@]}"; do
+  grep -qxF -- "$package" <<<"$installed" || missing+=("$package")
+done
+if ((${#missing[@]} == 0)); then
+  exit 0
+fi
+
+say "installing ${#missing[@]} packages: ${missing[*]}"
+as_root=()
+if ((EUID != 0)); then
+  if ! command -v sudo >/dev/null; then
+    say "needs root to install packages: run it as root, or install sudo"
+    exit 1
+  fi
+  as_root=(sudo)
+fi
+apt_get() {
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -o Acquire::Retries=3 "$@"
+}
+if ! apt_get update; then
+  say "apt-get update failed; the network and /etc/apt/sources.list decide about that"
+  exit 1
+fi
+if ! apt_get install --yes --no-install-recommends "${missing[@]}"; then
+  say "apt-get could not install the packages above; this project needs Debian 12 (bookworm)," \
+    "its section 'main' is enough"
+  exit 1
+fi
