@@ -1,0 +1,251 @@
+#include "firmware/mapping/exploration_map.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cstring>
+
+namespace ivfm {
+
+namespace {
+
+// Moves the contents of a row-major layer by (dx, dy) cells and fills what enters with zeros.
+template <typename T>
+void scroll(std::span<T> layer, const CellRect& from, const CellRect& to) {
+  const CellRect kept = from.intersection(to);
+  const auto row_of = [&](const CellRect& w, std::int32_t y) {
+    return layer.data() + static_cast<std::size_t>(y - w.y) * static_cast<std::size_t>(w.width);
+  };
+  const auto move_row = [&](std::int32_t y) {
+    T* target = row_of(to, y);
+    const auto width = static_cast<std::size_t>(kept.width);
+    const std::size_t left = static_cast<std::size_t>(kept.x - to.x);
+    std::memmove(target + left, row_of(from, y) + (kept.x - from.x), width * sizeof(T));
+    std::fill(target, target + left, T{});
+    std::fill(target + left + width, target + to.width, T{});
+  };
+  if (to.y >= from.y) {  // contents move down in memory: lowest rows first
+    for (std::int32_t y = kept.y; y < kept.top(); ++y) move_row(y);
+  } else {
+    for (std::int32_t y = kept.top() - 1; y >= kept.y; --y) move_row(y);
+  }
+  for (std::int32_t y = to.y; y < to.top(); ++y) {
+    if (y < kept.y || y >= kept.top()) std::fill(row_of(to, y), row_of(to, y) + to.width, T{});
+  }
+}
+
+std::uint8_t saturating_add(std::uint8_t a, std::uint8_t b) {
+  const unsigned sum = static_cast<unsigned>(a) + b;
+  return static_cast<std::uint8_t>(std::min(sum, 255u));
+}
+
+}  // namespace
+
+ExplorationMap::ExplorationMap(const MapLayers& layers, std::int32_t cell_um,
+                               std::int32_t window_cells, std::int32_t robot_radius_um)
+    : layers_(layers),
+      frame_(cell_um, {-window_cells / 2, -window_cells / 2, window_cells, window_cells}),
+      robot_radius_um_(robot_radius_um) {
+  disc_radius_cells_ = std::min<std::int32_t>(8, robot_radius_um / cell_um + 1);
+  const std::int64_t radius2 = std::int64_t{robot_radius_um} * robot_radius_um;
+  for (std::int32_t dy = -disc_radius_cells_; dy <= disc_radius_cells_; ++dy) {
+    std::int32_t half = -1;  // an obstacle counts when its centre is inside the disc
+    while (half < disc_radius_cells_) {
+      const std::int64_t dx = half + 1;
+      if ((dx * dx + std::int64_t{dy} * dy) * cell_um * cell_um > radius2) break;
+      ++half;
+    }
+    disc_half_width_[static_cast<std::size_t>(dy + disc_radius_cells_)] =
+        static_cast<std::int8_t>(half);
+  }
+  clear({0, 0});
+}
+
+void ExplorationMap::clear(Cell center) {
+  const std::int32_t side = frame_.width();
+  frame_ = GridFrame(frame_.cell_um(), {center.x - side / 2, center.y - side / 2, side, side});
+  std::ranges::fill(layers_.occupancy, occupancy::kUnknown);
+  for (const auto& layer :
+       {layers_.own_visits, layers_.peer_visits, layers_.flags, layers_.inflation}) {
+    std::ranges::fill(layer, std::uint8_t{0});
+  }
+  std::ranges::fill(layers_.path_cost, std::uint16_t{0xffff});
+  changes_ = {};
+}
+
+bool ExplorationMap::roll_to(Cell robot) {
+  const CellRect& w = frame_.window();
+  const std::int32_t margin = w.width / 4;
+  const auto shift = [&](std::int32_t position, std::int32_t low) {
+    if (position < low + margin || position >= low + w.width - margin) {
+      return position - w.width / 2 - low;
+    }
+    return 0;
+  };
+  const std::int32_t dx = shift(robot.x, w.x), dy = shift(robot.y, w.y);
+  if (dx == 0 && dy == 0) return false;
+  const CellRect moved{w.x + dx, w.y + dy, w.width, w.height};
+  if (moved.intersection(w).empty()) {
+    clear(robot);
+    return true;
+  }
+  scroll(layers_.occupancy, w, moved);
+  scroll(layers_.own_visits, w, moved);
+  scroll(layers_.peer_visits, w, moved);
+  scroll(layers_.flags, w, moved);
+  scroll(layers_.inflation, w, moved);
+  frame_ = GridFrame(frame_.cell_um(), moved);
+  std::ranges::fill(layers_.path_cost, std::uint16_t{0xffff});
+  for (CellRect& change : changes_) change = change.intersection(moved);
+  return true;
+}
+
+bool ExplorationMap::is_known_free(Cell c) const {
+  if (!frame_.contains(c)) return false;
+  const std::size_t i = frame_.index_of(c);
+  if (layers_.flags[i] & cell_flag::kObstacle) return false;
+  return layers_.occupancy[i] < 0 || layers_.own_visits[i] != 0 || layers_.peer_visits[i] != 0;
+}
+
+unsigned ExplorationMap::visits(Cell c) const {
+  if (!frame_.contains(c)) return 0;
+  const std::size_t i = frame_.index_of(c);
+  return saturating_add(layers_.own_visits[i], layers_.peer_visits[i]);
+}
+
+void ExplorationMap::add_evidence(Cell c, int evidence) {
+  if (!frame_.contains(c)) return;
+  std::int8_t& cell = layers_.occupancy[frame_.index_of(c)];
+  cell = static_cast<std::int8_t>(std::clamp(cell + evidence, occupancy::kMin, occupancy::kMax));
+  update_obstacle(c, cell_flag::kOwnObstacle, cell > 0);
+}
+
+void ExplorationMap::count_visit(Cell c) {
+  assert(frame_.contains(c));
+  std::uint8_t& count = layers_.own_visits[frame_.index_of(c)];
+  if (count == 255) return;
+  ++count;
+  CellRect& change = changes_[static_cast<std::size_t>(Layer::kVisits)];
+  change = change.united(c);
+}
+
+void ExplorationMap::set_flag(Cell c, std::uint8_t flag) {
+  if (!frame_.contains(c)) return;
+  std::uint8_t& flags = layers_.flags[frame_.index_of(c)];
+  flags = static_cast<std::uint8_t>(flags | flag);
+}
+
+void ExplorationMap::clear_flag(const CellRect& rect, std::uint8_t flag) {
+  const CellRect inside = rect.intersection(frame_.window());
+  const auto keep = static_cast<std::uint8_t>(~flag);
+  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
+    std::uint8_t* row = &layers_.flags[frame_.index_of({inside.x, y})];
+    for (std::int32_t i = 0; i < inside.width; ++i) row[i] = row[i] & keep;
+  }
+}
+
+CellRect ExplorationMap::take_changes(Layer layer) {
+  CellRect& change = changes_[static_cast<std::size_t>(layer)];
+  const CellRect taken = change;
+  change = {};
+  return taken;
+}
+
+Status ExplorationMap::read_own(Layer layer, const CellRect& rect,
+                                std::span<std::uint8_t> out) const {
+  if (!frame_.window().contains(rect)) return Status::kOutOfRange;
+  if (static_cast<std::int64_t>(out.size()) != rect.area()) return Status::kInvalidArgument;
+  std::size_t next = 0;
+  for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+    const std::size_t row = rect.empty() ? 0 : frame_.index_of({rect.x, y});
+    for (std::size_t i = row; i < row + static_cast<std::size_t>(rect.width); ++i) {
+      out[next++] = layer == Layer::kVisits ? layers_.own_visits[i]
+                                            : (layers_.flags[i] & cell_flag::kOwnObstacle ? 1 : 0);
+    }
+  }
+  return Status::kOk;
+}
+
+Status ExplorationMap::write_peers(Layer layer, const CellRect& rect,
+                                   std::span<const std::uint8_t> cells) {
+  if (static_cast<std::int64_t>(cells.size()) != rect.area()) return Status::kInvalidArgument;
+  const CellRect inside = rect.intersection(frame_.window());
+  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
+    for (std::int32_t x = inside.x; x < inside.right(); ++x) {
+      const std::uint8_t value =
+          cells[static_cast<std::size_t>(y - rect.y) * static_cast<std::size_t>(rect.width) +
+                static_cast<std::size_t>(x - rect.x)];
+      if (layer == Layer::kVisits) {
+        layers_.peer_visits[frame_.index_of({x, y})] = value;
+      } else {
+        update_obstacle({x, y}, cell_flag::kPeerObstacle, value != 0);
+      }
+    }
+  }
+  return Status::kOk;
+}
+
+Status ExplorationMap::restore_own(Layer layer, const CellRect& rect,
+                                   std::span<const std::uint8_t> cells) {
+  if (static_cast<std::int64_t>(cells.size()) != rect.area()) return Status::kInvalidArgument;
+  const CellRect inside = rect.intersection(frame_.window());
+  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
+    for (std::int32_t x = inside.x; x < inside.right(); ++x) {
+      const std::uint8_t value =
+          cells[static_cast<std::size_t>(y - rect.y) * static_cast<std::size_t>(rect.width) +
+                static_cast<std::size_t>(x - rect.x)];
+      const std::size_t i = frame_.index_of({x, y});
+      if (layer == Layer::kVisits) {
+        layers_.own_visits[i] = std::max(layers_.own_visits[i], value);
+      } else if (value != 0 && layers_.occupancy[i] == occupancy::kUnknown) {
+        add_evidence({x, y}, occupancy::kHit);
+      }
+    }
+  }
+  return Status::kOk;
+}
+
+void ExplorationMap::copy_from(const ExplorationMap& other) {
+  assert(frame_.width() == other.frame_.width());
+  std::ranges::copy(other.layers_.occupancy, layers_.occupancy.begin());
+  std::ranges::copy(other.layers_.own_visits, layers_.own_visits.begin());
+  std::ranges::copy(other.layers_.peer_visits, layers_.peer_visits.begin());
+  std::ranges::copy(other.layers_.flags, layers_.flags.begin());
+  std::ranges::copy(other.layers_.inflation, layers_.inflation.begin());
+  std::ranges::copy(other.layers_.path_cost, layers_.path_cost.begin());
+  frame_ = other.frame_;
+  robot_radius_um_ = other.robot_radius_um_;
+  disc_half_width_ = other.disc_half_width_;
+  disc_radius_cells_ = other.disc_radius_cells_;
+  changes_ = other.changes_;
+}
+
+void ExplorationMap::update_obstacle(Cell c, std::uint8_t flag, bool occupied) {
+  std::uint8_t& flags = layers_.flags[frame_.index_of(c)];
+  const bool was_flagged = (flags & flag) != 0;
+  if (was_flagged == occupied) return;
+  const bool was_obstacle = (flags & cell_flag::kObstacle) != 0;
+  flags = static_cast<std::uint8_t>(occupied ? flags | flag : flags & ~flag);
+  const bool is_obstacle_now = (flags & cell_flag::kObstacle) != 0;
+  if (was_obstacle != is_obstacle_now) stamp_inflation(c, is_obstacle_now ? 1 : -1);
+  if (flag == cell_flag::kOwnObstacle) {
+    CellRect& change = changes_[static_cast<std::size_t>(Layer::kObstacles)];
+    change = change.united(c);
+  }
+}
+
+void ExplorationMap::stamp_inflation(Cell c, int step) {
+  const CellRect& w = frame_.window();
+  for (std::int32_t dy = -disc_radius_cells_; dy <= disc_radius_cells_; ++dy) {
+    const std::int32_t half = disc_half_width_[static_cast<std::size_t>(dy + disc_radius_cells_)];
+    const std::int32_t y = c.y + dy;
+    if (half < 0 || y < w.y || y >= w.top()) continue;
+    const std::int32_t x0 = std::max(c.x - half, w.x), x1 = std::min(c.x + half, w.right() - 1);
+    for (std::int32_t x = x0; x <= x1; ++x) {
+      std::uint8_t& count = layers_.inflation[frame_.index_of({x, y})];
+      // Cells that entered the window after the stamp have not counted it: never below zero.
+      if (step > 0 ? count < 255 : count > 0) count = static_cast<std::uint8_t>(count + step);
+    }
+  }
+}
+
+}  // namespace ivfm

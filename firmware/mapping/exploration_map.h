@@ -1,0 +1,121 @@
+// The robot's map: occupancy, visit frequencies (own and peers'), and what planning derives from
+// it.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware/link/shared_map.h"
+#include "shared/geometry/grid_frame.h"
+#include "shared/status/status.h"
+
+namespace ivfm {
+
+// Occupancy evidence of a cell, in bounded steps: above 0 occupied, below 0 free, 0 unknown.
+namespace occupancy {
+inline constexpr std::int8_t kUnknown = 0;
+inline constexpr int kHit = 8;    // added when a beam ends in the cell
+inline constexpr int kMiss = -1;  // added when a beam passes through the cell
+inline constexpr int kMax = 24;   // an obstacle that went away is forgotten after 24 misses
+inline constexpr int kMin = -4;   // one hit turns the freest cell into an obstacle
+}  // namespace occupancy
+
+// Bits of the flags layer.
+namespace cell_flag {
+inline constexpr std::uint8_t kOwnObstacle = 1;   // own evidence says occupied
+inline constexpr std::uint8_t kPeerObstacle = 2;  // another robot says occupied
+inline constexpr std::uint8_t kSeenThisAction =
+    4;                                           // already counted in this action's union of views
+inline constexpr std::uint8_t kHitThisScan = 8;  // a beam of the scan being fused ends here
+inline constexpr std::uint8_t kGivenUp = 16;     // was a goal, and going there showed nothing new
+inline constexpr std::uint8_t kObstacle = kOwnObstacle | kPeerObstacle;
+}  // namespace cell_flag
+
+// The stored cells, one value a cell in the order of GridFrame. Owned by MapStorage.
+struct MapLayers {
+  std::span<std::int8_t> occupancy;
+  std::span<std::uint8_t> own_visits;   // saturating at 255
+  std::span<std::uint8_t> peer_visits;  // the sum of the others, saturating at 255
+  std::span<std::uint8_t> flags;
+  std::span<std::uint8_t> inflation;   // known obstacle cells within the robot's radius
+  std::span<std::uint16_t> path_cost;  // see ShortestPathMap
+};
+
+// Fixed memory for a square window of `kCells` x `kCells`.
+template <std::int32_t kCells>
+struct MapStorage {
+  static constexpr std::size_t kSize = static_cast<std::size_t>(kCells) * kCells;
+  std::array<std::int8_t, kSize> occupancy;
+  std::array<std::uint8_t, kSize> own_visits, peer_visits, flags, inflation;
+  std::array<std::uint16_t, kSize> path_cost;
+
+  MapLayers layers() { return {occupancy, own_visits, peer_visits, flags, inflation, path_cost}; }
+};
+
+// Logic over the layers. Cells outside the window read as unknown, unvisited and blocked.
+class ExplorationMap final : public SharedMap {
+ public:
+  // `robot_radius_um`: obstacles are inflated by this much. At most 8 cells, so that inflation
+  // counts fit a byte.
+  ExplorationMap(const MapLayers& layers, std::int32_t cell_um, std::int32_t window_cells,
+                 std::int32_t robot_radius_um);
+
+  // Forgets everything; the window is centred on `center`.
+  void clear(Cell center);
+  // Rolls the window so that `robot` keeps a quarter of the window's side to every edge; what
+  // leaves the window is forgotten. Returns true when it moved.
+  bool roll_to(Cell robot);
+
+  const GridFrame& frame() const { return frame_; }
+  const MapLayers& layers() const { return layers_; }
+  std::int32_t robot_radius_um() const { return robot_radius_um_; }
+
+  bool is_obstacle(Cell c) const { return has_flag(c, cell_flag::kObstacle); }
+  bool is_given_up(Cell c) const { return has_flag(c, cell_flag::kGivenUp); }
+  // Observed free or visited, and not an obstacle.
+  bool is_known_free(Cell c) const;
+  // Visits of all robots, saturating at 255.
+  unsigned visits(Cell c) const;
+  bool is_seen(Cell c) const { return visits(c) != 0; }
+  // A robot centred here would touch a known obstacle, or the cell lies outside the window.
+  bool is_blocked(Cell c) const {
+    return !frame_.contains(c) || layers_.inflation[frame_.index_of(c)] != 0;
+  }
+
+  // Adds `evidence` (occupancy::kHit or kMiss) to a cell; outside the window nothing happens.
+  void add_evidence(Cell c, int evidence);
+  // Counts one visit of this robot. Requires the cell inside the window.
+  void count_visit(Cell c);
+  void set_flag(Cell c, std::uint8_t flag);
+  void clear_flag(const CellRect& rect, std::uint8_t flag);
+
+  // What changed in an own layer since the last call; empty when nothing did.
+  CellRect take_changes(Layer layer);
+
+  Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const override;
+  Status write_peers(Layer layer, const CellRect& rect,
+                     std::span<const std::uint8_t> cells) override;
+  // Replaces own cells (a restarted robot that recovers its counts). Codes as write_peers.
+  Status restore_own(Layer layer, const CellRect& rect, std::span<const std::uint8_t> cells);
+
+  // Takes over another map's contents; both must have the same window size and cell size.
+  void copy_from(const ExplorationMap& other);
+
+ private:
+  bool has_flag(Cell c, std::uint8_t flag) const {
+    return frame_.contains(c) && (layers_.flags[frame_.index_of(c)] & flag) != 0;
+  }
+  void update_obstacle(Cell c, std::uint8_t flag, bool occupied);
+  void stamp_inflation(Cell c, int step);
+
+  MapLayers layers_;
+  GridFrame frame_;
+  std::int32_t robot_radius_um_;
+  std::array<std::int8_t, 17> disc_half_width_{};  // columns of the inflation disc, row by row
+  std::int32_t disc_radius_cells_ = 0;
+  std::array<CellRect, 2> changes_{};
+};
+
+}  // namespace ivfm

@@ -1,0 +1,113 @@
+#include "firmware/mapping/exploration_map.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+namespace ivfm {
+namespace {
+
+constexpr std::int32_t kCellUm = 50'000;
+
+class ExplorationMapTest : public ::testing::Test {
+ protected:
+  ExplorationMapTest() { map_.clear({0, 0}); }
+  std::unique_ptr<MapStorage<32>> storage_ = std::make_unique<MapStorage<32>>();
+  ExplorationMap map_{storage_->layers(), kCellUm, 32, 105'000};
+};
+
+TEST_F(ExplorationMapTest, OneHitMakesAnObstacleAndManyMissesForgetIt) {
+  map_.add_evidence({3, 4}, occupancy::kMiss);
+  EXPECT_FALSE(map_.is_obstacle({3, 4}));
+  EXPECT_TRUE(map_.is_known_free({3, 4}));
+  map_.add_evidence({3, 4}, occupancy::kHit);
+  EXPECT_TRUE(map_.is_obstacle({3, 4}));
+  for (int i = 0; i < 7; ++i) map_.add_evidence({3, 4}, occupancy::kMiss);
+  EXPECT_FALSE(map_.is_obstacle({3, 4}));
+}
+
+TEST_F(ExplorationMapTest, ObstaclesAreInflatedByTheRobotsDisc) {
+  map_.add_evidence({0, 0}, occupancy::kHit);
+  // Radius 0.105 m over cells of 0.05 m: centres up to 2.1 cells away.
+  const char* const drawn[] = {
+      "..#..",  //
+      ".###.",  //
+      "#####",  //
+      ".###.",  //
+      "..#..",
+  };
+  for (int y = -2; y <= 2; ++y) {
+    for (int x = -2; x <= 2; ++x) {
+      EXPECT_EQ(map_.is_blocked({x, y}), drawn[y + 2][x + 2] == '#') << x << ", " << y;
+    }
+  }
+  map_.add_evidence({0, 0}, -8);
+  EXPECT_FALSE(map_.is_blocked({1, 0}));
+}
+
+TEST_F(ExplorationMapTest, VisitsOfAllRobotsAddUpAndSaturate) {
+  map_.count_visit({1, 1});
+  const std::vector<std::uint8_t> peers{254};
+  ASSERT_TRUE(ok(map_.write_peers(Layer::kVisits, {1, 1, 1, 1}, peers)));
+  EXPECT_EQ(map_.visits({1, 1}), 255u);
+  map_.count_visit({1, 1});
+  EXPECT_EQ(map_.visits({1, 1}), 255u);
+  EXPECT_EQ(map_.visits({500, 500}), 0u) << "outside the window";
+}
+
+TEST_F(ExplorationMapTest, AnObstacleStaysWhileAnyRobotSaysSo) {
+  map_.add_evidence({2, 2}, occupancy::kHit);
+  ASSERT_TRUE(ok(map_.write_peers(Layer::kObstacles, {2, 2, 1, 1}, std::vector<std::uint8_t>{1})));
+  map_.add_evidence({2, 2}, -8);
+  EXPECT_TRUE(map_.is_obstacle({2, 2}));
+  ASSERT_TRUE(ok(map_.write_peers(Layer::kObstacles, {2, 2, 1, 1}, std::vector<std::uint8_t>{0})));
+  EXPECT_FALSE(map_.is_obstacle({2, 2}));
+  EXPECT_FALSE(map_.is_blocked({2, 2}));
+}
+
+TEST_F(ExplorationMapTest, ChangesAreTheBoundingRectangleOfOwnCellsOnly) {
+  map_.count_visit({-3, 2});
+  map_.count_visit({4, -1});
+  ASSERT_TRUE(ok(map_.write_peers(Layer::kVisits, {9, 9, 1, 1}, std::vector<std::uint8_t>{3})));
+  EXPECT_EQ(map_.take_changes(Layer::kVisits), (CellRect{-3, -1, 8, 4}));
+  EXPECT_TRUE(map_.take_changes(Layer::kVisits).empty());
+  EXPECT_TRUE(map_.take_changes(Layer::kObstacles).empty());
+}
+
+TEST_F(ExplorationMapTest, ReadsOwnLayersRowByRow) {
+  map_.count_visit({0, 0});
+  map_.count_visit({1, 1});
+  map_.count_visit({1, 1});
+  std::vector<std::uint8_t> cells(4);
+  ASSERT_TRUE(ok(map_.read_own(Layer::kVisits, {0, 0, 2, 2}, cells)));
+  EXPECT_EQ(cells, (std::vector<std::uint8_t>{1, 0, 0, 2}));
+  EXPECT_EQ(map_.read_own(Layer::kVisits, {0, 0, 2, 3}, cells), Status::kInvalidArgument);
+  EXPECT_EQ(map_.read_own(Layer::kVisits, {15, 15, 2, 2}, cells), Status::kOutOfRange);
+}
+
+TEST_F(ExplorationMapTest, RollingKeepsWhatStaysInTheWindow) {
+  map_.count_visit({10, 3});
+  map_.count_visit({-16, -16});
+  map_.add_evidence({12, 0}, occupancy::kHit);
+  EXPECT_FALSE(map_.roll_to({5, 0})) << "still far from the edge";
+  EXPECT_TRUE(map_.roll_to({9, 0}));
+  EXPECT_EQ(map_.frame().window(), (CellRect{-7, -16, 32, 32}));
+  EXPECT_EQ(map_.visits({10, 3}), 1u);
+  EXPECT_TRUE(map_.is_obstacle({12, 0}));
+  EXPECT_TRUE(map_.is_blocked({13, 1}));
+  EXPECT_EQ(map_.visits({20, 3}), 0u) << "what enters is empty";
+  EXPECT_TRUE(map_.roll_to({-7, 0}));
+  EXPECT_EQ(map_.visits({-16, -16}), 0u) << "what left is forgotten";
+}
+
+TEST_F(ExplorationMapTest, RollsDiagonallyWithoutSmearing) {
+  for (int i = -8; i < 16; ++i) map_.count_visit({i, i});
+  ASSERT_TRUE(map_.roll_to({12, 12}));
+  for (int y = -4; y < 28; ++y) {
+    for (int x = -4; x < 28; ++x) EXPECT_EQ(map_.visits({x, y}), x == y && x < 16 ? 1u : 0u);
+  }
+}
+
+}  // namespace
+}  // namespace ivfm

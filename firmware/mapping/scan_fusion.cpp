@@ -1,0 +1,180 @@
+#include "firmware/mapping/scan_fusion.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "firmware/mapping/visit_value.h"
+
+namespace ivfm {
+
+namespace {
+
+constexpr std::uint16_t kUnset = 0xffff;
+constexpr int kUnitShift = 10;  // 1 unit = 1,024 um
+
+std::uint16_t to_units(std::uint16_t range_mm) {
+  return static_cast<std::uint16_t>((std::uint32_t{range_mm} * 1000u) >> kUnitShift);
+}
+
+// Calls visit(cell) for the cells on the straight line from `a` to before `b` (Bresenham).
+template <typename Visit>
+void for_each_cell_before(Cell a, Cell b, Visit visit) {
+  const std::int32_t dx = std::abs(b.x - a.x), dy = -std::abs(b.y - a.y);
+  const std::int32_t sx = a.x < b.x ? 1 : -1, sy = a.y < b.y ? 1 : -1;
+  std::int32_t error = dx + dy;
+  while (!(a == b)) {
+    visit(a);
+    const std::int32_t twice = 2 * error;
+    if (twice >= dy) {
+      error += dy;
+      a.x += sx;
+    }
+    if (twice <= dx) {
+      error += dx;
+      a.y += sy;
+    }
+  }
+}
+
+}  // namespace
+
+void VisibilityProfile::build(const Scan& scan, std::uint16_t max_gap) {
+  range_.fill(kUnset);
+  hit_.fill(0);
+  for (const ScanPoint& point : scan.points()) {
+    const std::size_t bin = point.bearing.raw() >> 6;
+    const std::uint16_t units = point.echo == Echo::kNothing ? 0 : to_units(point.range_mm);
+    // A measured beam beats one that measured nothing; the nearer of two measured ones wins.
+    const bool better =
+        range_[bin] == kUnset || range_[bin] == 0 || (units != 0 && units < range_[bin]);
+    if (!better) continue;
+    range_[bin] = units;
+    hit_[bin] = point.echo == Echo::kHit;
+  }
+  fill_gaps(max_gap);
+}
+
+void VisibilityProfile::fill_gaps(std::uint16_t max_gap) {
+  const std::size_t reach = std::max<std::size_t>(1, (max_gap >> 6) / 2 + 1);
+  filled_range_ = range_;
+  for (std::size_t bin = 0; bin < kBins; ++bin) {
+    if (range_[bin] != kUnset) continue;
+    filled_range_[bin] = 0;
+    for (std::size_t step = 1; step <= reach; ++step) {
+      const std::size_t low = (bin + kBins - step) % kBins, high = (bin + step) % kBins;
+      const std::size_t source = range_[low] != kUnset ? low : high;
+      if (range_[source] == kUnset) continue;
+      filled_range_[bin] = range_[source];
+      hit_[bin] = hit_[source];
+      break;
+    }
+  }
+  range_ = filled_range_;
+}
+
+void ScanFusion::begin_action(ExplorationMap& map) {
+  map.clear_flag(action_rect_, cell_flag::kSeenThisAction);
+  action_rect_ = {};
+}
+
+ViewStatistics ScanFusion::fuse(ExplorationMap& map, const Pose& pose, const Scan& scan,
+                                bool count_visits) {
+  update_occupancy(map, pose, scan);
+  if (!count_visits) return {};
+  profile_.build(scan, config_.max_beam_gap);
+  return update_visits(map, pose);
+}
+
+void ScanFusion::update_occupancy(ExplorationMap& map, const Pose& pose, const Scan& scan) {
+  const GridFrame& frame = map.frame();
+  const Cell robot = frame.cell_at(pose.position);
+  // The end of a beam: an obstacle's surface, pushed into it by an eighth of a cell.
+  const auto end_of = [&](const ScanPoint& point, bool& hit) {
+    const std::int32_t range_um = std::int32_t{point.range_mm} * 1000;
+    hit = point.echo == Echo::kHit && range_um <= config_.mapping_range_um;
+    const std::int32_t reach = std::min(range_um, config_.mapping_range_um);
+    const BinaryAngle direction = pose.heading + point.bearing;
+    const std::int32_t length = hit ? reach + frame.cell_um() / 8 : reach;
+    return frame.cell_at({pose.position.x_um + scale_q30(length, cos_q30(direction)),
+                          pose.position.y_um + scale_q30(length, sin_q30(direction))});
+  };
+  CellRect hits{};
+  for (const ScanPoint& point : scan.points()) {
+    bool hit = false;
+    if (point.echo == Echo::kNothing) continue;
+    const Cell end = end_of(point, hit);
+    if (!hit) continue;
+    map.set_flag(end, cell_flag::kHitThisScan);
+    hits = hits.united(end);
+  }
+  for (const ScanPoint& point : scan.points()) {
+    bool hit = false;
+    if (point.echo == Echo::kNothing) continue;
+    const Cell end = end_of(point, hit);
+    for_each_cell_before(robot, end, [&](Cell c) {
+      if (!frame.contains(c)) return;
+      if (map.layers().flags[frame.index_of(c)] & cell_flag::kHitThisScan) return;
+      map.add_evidence(c, occupancy::kMiss);
+    });
+    if (hit) map.add_evidence(end, occupancy::kHit);
+  }
+  map.clear_flag(hits, cell_flag::kHitThisScan);
+}
+
+ViewStatistics ScanFusion::update_visits(ExplorationMap& map, const Pose& pose) {
+  const GridFrame& frame = map.frame();
+  const VisitFootprint& f = config_.footprint;
+  const bool trapezoid = f.kind == VisitFootprint::Kind::kTrapezoid;
+  const std::int32_t reach_um =
+      trapezoid
+          ? f.far_um + static_cast<std::int32_t>((std::int64_t{f.slope_q16} * f.far_um) >> 16) +
+                f.offset_um
+          : f.far_um;
+  const Cell robot = frame.cell_at(pose.position);
+  const CellRect box = CellRect{robot.x, robot.y, 1, 1}
+                           .grown(reach_um / frame.cell_um() + 1)
+                           .intersection(frame.window());
+  action_rect_ = action_rect_.united(box);
+  const std::int64_t c = cos_q30(pose.heading), s = sin_q30(pose.heading);
+  // A cell on an obstacle's surface lies a little behind the end of the beam.
+  const std::int32_t surface = (frame.cell_um() * 3 / 4) >> kUnitShift;
+  const std::int32_t far_units = f.far_um >> kUnitShift;
+  ViewStatistics seen;
+  for (std::int32_t y = box.y; y < box.top(); ++y) {
+    for (std::int32_t x = box.x; x < box.right(); ++x) {
+      const Point p = frame.center_of({x, y});
+      const std::int64_t dx = std::int64_t{p.x_um} - pose.position.x_um;
+      const std::int64_t dy = std::int64_t{p.y_um} - pose.position.y_um;
+      const auto ahead = static_cast<std::int32_t>((dx * c + dy * s) >> 30);
+      const auto left = static_cast<std::int32_t>((dy * c - dx * s) >> 30);
+      if (trapezoid) {
+        if (ahead < f.near_um || ahead > f.far_um) continue;
+        const std::int64_t half = ((std::int64_t{f.slope_q16} * ahead) >> 16) + f.offset_um;
+        if (left > half || left < -half) continue;
+      }
+      const std::int32_t ahead_units = ahead >> kUnitShift, left_units = left >> kUnitShift;
+      const std::int32_t distance2 = ahead_units * ahead_units + left_units * left_units;
+      if (!trapezoid && distance2 > far_units * far_units) continue;
+      const BinaryAngle bearing = atan2_binary(left_units, ahead_units);
+      if (!trapezoid && std::abs(int{bearing.signed_raw()}) > f.half_angle) continue;
+      const std::int32_t range = profile_.range_units(bearing);
+      const std::int32_t limit = profile_.ends_on_obstacle(bearing) ? range + surface : range;
+      if (range == 0 || distance2 > limit * limit) continue;
+      const std::size_t i = frame.index_of({x, y});
+      std::uint8_t& flags = map.layers().flags[i];
+      if (flags & cell_flag::kSeenThisAction) continue;
+      flags = flags | cell_flag::kSeenThisAction;
+      const unsigned before = map.visits({x, y});
+      if (before == 0) {
+        ++seen.newly_seen_cells;
+      } else {
+        ++seen.re_seen_cells;
+        seen.re_seen_penalty_q12 += visit_penalty_q12(before);
+      }
+      map.count_visit({x, y});
+    }
+  }
+  return seen;
+}
+
+}  // namespace ivfm

@@ -1,0 +1,140 @@
+#include "firmware/mapping/shortest_path_map.h"
+
+#include <algorithm>
+
+namespace ivfm {
+
+namespace {
+
+// While the map is computed, cells that cannot be stood on carry this instead of kUnreachable.
+constexpr std::uint16_t kWall = 0xfffe;
+
+struct Step {
+  std::int32_t dx, dy;
+  std::uint16_t cost;
+};
+
+constexpr std::array<Step, 8> kSteps{{{1, 0, path::kStraight},
+                                      {-1, 0, path::kStraight},
+                                      {0, 1, path::kStraight},
+                                      {0, -1, path::kStraight},
+                                      {1, 1, path::kDiagonal},
+                                      {-1, 1, path::kDiagonal},
+                                      {1, -1, path::kDiagonal},
+                                      {-1, -1, path::kDiagonal}}};
+
+}  // namespace
+
+bool ShortestPathMap::is_traversable(const ExplorationMap& map, Cell c) const {
+  return !map.is_blocked(c) && (config_.unknown_is_traversable || map.is_known_free(c));
+}
+
+std::uint16_t ShortestPathMap::cost_at(const ExplorationMap& map, Cell c) const {
+  if (!region_.contains(c)) return path::kUnreachable;
+  return map.layers().path_cost[map.frame().index_of(c)];
+}
+
+void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& region) {
+  const GridFrame& frame = map.frame();
+  region_ = region.intersection(frame.window().grown(-1));
+  robot_ = robot;
+  if (!region_.contains(robot)) {
+    region_ = {};
+    return;
+  }
+  // A ring of walls around the region spares the inner loop all bounds checks.
+  const CellRect ring = region_.grown(1);
+  const std::span<std::uint16_t> cost = map.layers().path_cost;
+  const MapLayers& layers = map.layers();
+  for (std::int32_t y = ring.y; y < ring.top(); ++y) {
+    const std::size_t row = frame.index_of({ring.x, y});
+    const bool edge_row = y == ring.y || y == ring.top() - 1;
+    for (std::size_t i = row; i < row + static_cast<std::size_t>(ring.width); ++i) {
+      bool free = layers.inflation[i] == 0;
+      if (!config_.unknown_is_traversable) {
+        free = free && (layers.occupancy[i] < 0 || layers.own_visits[i] || layers.peer_visits[i]);
+      }
+      cost[i] = free && !edge_row ? path::kUnreachable : kWall;
+    }
+    cost[row] = kWall;
+    cost[row + static_cast<std::size_t>(ring.width) - 1] = kWall;
+  }
+  // A robot that stands too close to an obstacle, or on unknown ground, may drive off.
+  const std::int32_t escape = map.robot_radius_um() / frame.cell_um() + 1;
+  const CellRect around = CellRect{robot.x, robot.y, 1, 1}.grown(escape).intersection(region_);
+  for (std::int32_t y = around.y; y < around.top(); ++y) {
+    for (std::int32_t x = around.x; x < around.right(); ++x) {
+      const bool here = robot == Cell{x, y};
+      if (here || !map.is_obstacle({x, y})) cost[frame.index_of({x, y})] = path::kUnreachable;
+    }
+  }
+  run(map);
+  for (std::int32_t y = ring.y; y < ring.top(); ++y) {
+    const std::size_t row = frame.index_of({ring.x, y});
+    for (std::size_t i = row; i < row + static_cast<std::size_t>(ring.width); ++i) {
+      cost[i] = cost[i] == kWall ? path::kUnreachable : cost[i];
+    }
+  }
+}
+
+void ShortestPathMap::run(ExplorationMap& map) {
+  const auto start = static_cast<std::uint32_t>(map.frame().index_of(robot_));
+  sizes_.fill(0);
+  queued_ = 0;
+  overflowed_ = false;
+  map.layers().path_cost[start] = 0;
+  push(start, 0);
+  std::uint32_t current = 0;
+  while (queued_ > 0 || overflowed_) {
+    if (queued_ == 0) {  // some cells did not fit the queue: find what they left undone
+      overflowed_ = false;
+      relax_from_all(map);
+      if (queued_ == 0 && !overflowed_) break;
+      current = 0;
+    }
+    std::uint32_t& size = sizes_[current % kBuckets];
+    while (size > 0) {
+      const std::uint32_t index = entries_[(current % kBuckets) * capacity_ + --size];
+      --queued_;
+      settle(map, index, map.layers().path_cost[index]);
+    }
+    ++current;
+  }
+}
+
+bool ShortestPathMap::push(std::uint32_t index, std::uint16_t cost) {
+  std::uint32_t& size = sizes_[cost % kBuckets];
+  if (size == capacity_) {
+    overflowed_ = true;
+    return false;
+  }
+  entries_[(cost % kBuckets) * capacity_ + size++] = index;
+  ++queued_;
+  return true;
+}
+
+void ShortestPathMap::settle(ExplorationMap& map, std::uint32_t index, std::uint16_t cost) {
+  std::uint16_t* const costs = map.layers().path_cost.data();
+  const std::int32_t stride = map.frame().width();
+  for (const Step& step : kSteps) {
+    const auto next =
+        static_cast<std::uint32_t>(static_cast<std::int32_t>(index) + step.dy * stride + step.dx);
+    const auto through = static_cast<std::uint32_t>(cost) + step.cost;
+    if (costs[next] == kWall || through >= costs[next] || through > path::kLongest) continue;
+    costs[next] = static_cast<std::uint16_t>(through);
+    push(next, static_cast<std::uint16_t>(through));
+  }
+}
+
+void ShortestPathMap::relax_from_all(ExplorationMap& map) {
+  const GridFrame& frame = map.frame();
+  for (std::int32_t y = region_.y; y < region_.top(); ++y) {
+    for (std::int32_t x = region_.x; x < region_.right(); ++x) {
+      const std::size_t i = frame.index_of({x, y});
+      const std::uint16_t cost = map.layers().path_cost[i];
+      if (cost <= path::kLongest) settle(map, static_cast<std::uint32_t>(i), cost);
+    }
+  }
+}
+
+}  // namespace ivfm

@@ -1,0 +1,74 @@
+// Shortest path map: geodesic distance from the robot over free cells, by Dijkstra's algorithm on
+// a fixed-size bucket queue (Dial, 1969).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware/mapping/exploration_map.h"
+
+namespace ivfm {
+
+namespace path {
+// Costs in units of 1/12 cell: a straight step is 12, a diagonal one 17 (error below 0.2 %).
+inline constexpr std::uint16_t kStraight = 12;
+inline constexpr std::uint16_t kDiagonal = 17;
+inline constexpr std::uint16_t kUnreachable = 0xffff;
+inline constexpr std::uint16_t kLongest = 0xfff0;  // cells further away count as unreachable
+}  // namespace path
+
+// Storage of the queue: a ring of buckets that each hold the cells of one distance.
+template <std::size_t kCapacity>
+struct BucketStorage {
+  static constexpr std::size_t kBuckets = 32;  // > the longest step, 17, and a power of two
+  std::array<std::uint32_t, kBuckets * kCapacity> entries;
+};
+
+struct PathConfig {
+  // Robots that map with a short camera drive into the unknown; with a lidar they keep to what
+  // they know to be free.
+  bool unknown_is_traversable = true;
+};
+
+class ShortestPathMap {
+ public:
+  // `entries`: BucketStorage's memory (32 equal buckets).
+  ShortestPathMap(const PathConfig& config, std::span<std::uint32_t> entries)
+      : config_(config), entries_(entries), capacity_(entries.size() / kBuckets) {}
+
+  // Fills map.layers().path_cost inside `region` (clipped to the window) with the cost of the
+  // shortest path from `robot` that stays in the region; cells a robot cannot stand on and cells
+  // out of reach get kUnreachable. Cells outside the region become unknown to cost_at().
+  // A robot that already touches an inflated obstacle may leave it.
+  void compute(ExplorationMap& map, Cell robot, const CellRect& region);
+
+  // Cost to reach `c`, kUnreachable outside the last computed region.
+  std::uint16_t cost_at(const ExplorationMap& map, Cell c) const;
+  // Whether a robot may stand on `c`.
+  bool is_traversable(const ExplorationMap& map, Cell c) const;
+  const CellRect& region() const { return region_; }
+  const PathConfig& config() const { return config_; }
+  void forget() { region_ = {}; }
+  void set_region(const CellRect& region) { region_ = region; }  // after a copied map
+
+ private:
+  static constexpr std::size_t kBuckets = 32;
+
+  bool push(std::uint32_t index, std::uint16_t cost);
+  void settle(ExplorationMap& map, std::uint32_t index, std::uint16_t cost);
+  void relax_from_all(ExplorationMap& map);
+  void run(ExplorationMap& map);
+
+  PathConfig config_;
+  std::span<std::uint32_t> entries_;
+  std::size_t capacity_;
+  std::array<std::uint32_t, kBuckets> sizes_{};
+  std::size_t queued_ = 0;
+  bool overflowed_ = false;
+  CellRect region_{};
+  Cell robot_{};
+};
+
+}  // namespace ivfm

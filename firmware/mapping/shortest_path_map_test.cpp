@@ -1,0 +1,104 @@
+#include "firmware/mapping/shortest_path_map.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace ivfm {
+namespace {
+
+constexpr std::int32_t kCellUm = 50'000;
+
+// A map drawn from its top row down: '#' obstacle, anything else unknown. (0, 0) is the lower left.
+template <std::size_t kCapacity = 64>
+struct Drawn {
+  explicit Drawn(const std::vector<std::string>& rows, PathConfig config = {},
+                 std::int32_t radius_um = 1'000)
+      : map(storage->layers(), kCellUm, 64, radius_um), paths(config, buckets->entries) {
+    const auto height = static_cast<std::int32_t>(rows.size());
+    for (std::int32_t y = 0; y < height; ++y) {
+      const std::string& row = rows[static_cast<std::size_t>(height - 1 - y)];
+      region = region.united(CellRect{0, y, static_cast<std::int32_t>(row.size()), 1});
+      for (std::int32_t x = 0; x < static_cast<std::int32_t>(row.size()); ++x) {
+        const char drawn = row[static_cast<std::size_t>(x)];
+        if (drawn == '#') map.add_evidence({x, y}, occupancy::kHit);
+        if (drawn == '.') map.add_evidence({x, y}, occupancy::kMiss);
+      }
+    }
+  }
+  std::unique_ptr<MapStorage<64>> storage = std::make_unique<MapStorage<64>>();
+  std::unique_ptr<BucketStorage<kCapacity>> buckets = std::make_unique<BucketStorage<kCapacity>>();
+  ExplorationMap map;
+  ShortestPathMap paths;
+  CellRect region{};
+};
+
+TEST(ShortestPathMap, StraightStepsCost12AndDiagonalOnes17) {
+  Drawn world({".....", ".....", "....."});
+  world.paths.compute(world.map, {0, 0}, world.region);
+  EXPECT_EQ(world.paths.cost_at(world.map, {0, 0}), 0);
+  EXPECT_EQ(world.paths.cost_at(world.map, {4, 0}), 48);
+  EXPECT_EQ(world.paths.cost_at(world.map, {2, 2}), 34);
+  EXPECT_EQ(world.paths.cost_at(world.map, {4, 1}), 36 + 17);
+  EXPECT_EQ(world.paths.cost_at(world.map, {5, 0}), path::kUnreachable) << "outside the region";
+}
+
+TEST(ShortestPathMap, WalksAroundWallsAndNotThroughThem) {
+  Drawn world({".#...",  //
+               ".#.#.",  //
+               "...#."});
+  world.paths.compute(world.map, {0, 2}, world.region);
+  EXPECT_EQ(world.paths.cost_at(world.map, {1, 2}), path::kUnreachable);
+  // Down 2 with one diagonal around the wall's foot, up and over the second wall, down again.
+  EXPECT_EQ(world.paths.cost_at(world.map, {2, 1}), 12 + 17 + 17);
+  EXPECT_EQ(world.paths.cost_at(world.map, {4, 0}), 12 + 17 + 17 + 17 + 17 + 12);
+}
+
+TEST(ShortestPathMap, AClosedRoomIsOutOfReach) {
+  Drawn world({".....", ".###.", ".#.#.", ".###.", "....."});
+  world.paths.compute(world.map, {0, 0}, world.region);
+  EXPECT_EQ(world.paths.cost_at(world.map, {2, 2}), path::kUnreachable);
+}
+
+TEST(ShortestPathMap, UnknownGroundIsTraversableOnlyWhenConfigured) {
+  const std::vector<std::string> rows{"..  .."};
+  Drawn bold(rows, {.unknown_is_traversable = true});
+  bold.paths.compute(bold.map, {0, 0}, bold.region);
+  EXPECT_EQ(bold.paths.cost_at(bold.map, {5, 0}), 60);
+  Drawn careful(rows, {.unknown_is_traversable = false});
+  careful.paths.compute(careful.map, {0, 0}, careful.region);
+  EXPECT_EQ(careful.paths.cost_at(careful.map, {1, 0}), 12);
+  EXPECT_EQ(careful.paths.cost_at(careful.map, {5, 0}), path::kUnreachable);
+}
+
+TEST(ShortestPathMap, ARobotTooCloseToAWallMayDriveOff) {
+  Drawn world({"........", "........", "........", "########"}, {}, 105'000);
+  world.paths.compute(world.map, {4, 1}, world.region);
+  EXPECT_NE(world.paths.cost_at(world.map, {4, 3}), path::kUnreachable);
+  EXPECT_EQ(world.paths.cost_at(world.map, {0, 1}), path::kUnreachable) << "not along the wall";
+}
+
+TEST(ShortestPathMap, AQueueThatOverflowsStillFindsEveryCost) {
+  std::vector<std::string> rows(60, std::string(60, '.'));
+  for (std::size_t i = 0; i < 50; ++i) rows[20][i] = rows[40][59 - i] = '#';
+  Drawn<2> tiny(rows);
+  Drawn<512> roomy(rows);
+  tiny.paths.compute(tiny.map, {5, 5}, {0, 0, 31, 31});
+  roomy.paths.compute(roomy.map, {5, 5}, {0, 0, 31, 31});
+  for (std::int32_t y = 0; y < 31; ++y) {
+    for (std::int32_t x = 0; x < 31; ++x) {
+      ASSERT_EQ(tiny.paths.cost_at(tiny.map, {x, y}), roomy.paths.cost_at(roomy.map, {x, y}));
+    }
+  }
+}
+
+TEST(ShortestPathMap, ARobotOutsideTheRegionReachesNothing) {
+  Drawn world({"....."});
+  world.paths.compute(world.map, {40, 40}, world.region);
+  EXPECT_EQ(world.paths.cost_at(world.map, {0, 0}), path::kUnreachable);
+}
+
+}  // namespace
+}  // namespace ivfm

@@ -1,0 +1,31 @@
+// The state of a decision and the function that values every policy cell as a goal.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "firmware/nn/state_encoder.h"
+#include "shared/status/status.h"
+
+namespace ivfm {
+
+// The two-channel i-VFM state, see state_encoder.h.
+struct LocalState {
+  PolicyGrid grid;
+  std::array<std::uint16_t, kPolicyGridSize> ivfm;
+  std::array<std::uint16_t, kPolicyGridSize> path;
+};
+
+// The onboard int8 network, or a float reference on the host.
+class QFunction {
+ public:
+  // Writes kPolicyGridSize values in any common scale: the greatest is the best goal.
+  // kUnavailable: no model is loaded; kInvalidArgument: wrong size.
+  virtual Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) = 0;
+
+ protected:
+  ~QFunction() = default;
+};
+
+}  // namespace ivfm

@@ -1,0 +1,214 @@
+#include "firmware/planning/explorer.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace ivfm {
+
+Explorer::Explorer(const ExplorerConfig& config, const Memory& memory, std::int32_t cell_um,
+                   std::int32_t window_cells)
+    : config_(config),
+      map_(memory.layers, cell_um, window_cells, config.robot_radius_um),
+      fusion_(config.fusion),
+      paths_(config.paths, memory.bucket_entries) {}
+
+void Explorer::start(const Pose& pose, Point window_center) {
+  map_.clear(map_.frame().cell_at(window_center));
+  paths_.forget();
+  path_.clear();
+  start_ = pose;
+  action_ = {};
+  last_ = {};
+  idle_actions_ = 0;
+  tries_at_frontier_ = 0;
+  fusion_.begin_action(map_);
+}
+
+void Explorer::begin_action() {
+  fusion_.begin_action(map_);
+  action_ = {};
+}
+
+ViewStatistics Explorer::fuse(const Pose& pose, const Scan& scan, bool count_visits) {
+  const ViewStatistics seen = fusion_.fuse(map_, pose, scan, count_visits);
+  action_.add(seen);
+  return seen;
+}
+
+std::int32_t Explorer::stand_off_cells() const {
+  return config_.robot_radius_um / map_.frame().cell_um() + 2;
+}
+
+void Explorer::observe(const Pose& pose) {
+  const Cell robot = robot_cell(pose);
+  if (map_.roll_to(robot)) paths_.forget();
+  const GridFrame& frame = map_.frame();
+  state_.grid = PolicyGrid::centred_on(robot, config_.pool);
+  paths_.compute(map_, robot, state_.grid.window());
+  const MapLayers& layers = map_.layers();
+  // The arguments are this object's own spans and a validated pool: the encoders cannot refuse.
+  (void)encode_ivfm(
+      {frame, layers.own_visits, layers.peer_visits, layers.flags, cell_flag::kObstacle},
+      state_.grid, pose.position, config_.robot_radius_um, state_.ivfm);
+  (void)encode_path({frame, layers.path_cost, path::kStraight, path::kUnreachable}, state_.grid,
+                    state_.path);
+  const std::int64_t policy_cell_um = std::int64_t{frame.cell_um()} * config_.pool;
+  const std::int64_t nearest = std::int64_t{config_.min_goal_distance_um} * 256 / policy_cell_um;
+  for (std::size_t i = 0; i < mask_.size(); ++i) {
+    mask_[i] = state_.path[i] != kPathUnreachable && state_.path[i] >= nearest;
+  }
+}
+
+bool Explorer::local_map_is_worth_visiting() const {
+  return has_reachable_frontier(map_, paths_, state_.grid.window(), stand_off_cells(),
+                                config_.min_local_frontier);
+}
+
+Decision Explorer::decide(const Pose& pose, QFunction& q) {
+  review_last_goal(pose);
+  observe(pose);
+  if (idle_actions_ < config_.max_idle_actions && local_map_is_worth_visiting() &&
+      ok(q.evaluate(state_, q_values_))) {
+    const Decision best = select_best(q_values_);
+    if (best.kind == Decision::Kind::kLocalGoal) return best;
+  }
+  return select_global_goal(pose);
+}
+
+Decision Explorer::select_best(std::span<const std::int32_t> q_values) {
+  std::int32_t best = -1, best_q = std::numeric_limits<std::int32_t>::min();
+  for (std::size_t i = 0; i < q_values.size(); ++i) {
+    if (!mask_[i] || (best >= 0 && q_values[i] <= best_q)) continue;
+    best = static_cast<std::int32_t>(i);
+    best_q = q_values[i];
+  }
+  Decision decision;
+  if (best < 0 || !ok(select_local_goal(best, decision))) return {};
+  decision.q_value = best_q;
+  last_ = decision;
+  return decision;
+}
+
+Status Explorer::select_local_goal(std::int32_t policy_cell, Decision& out) {
+  if (policy_cell < 0 || policy_cell >= kPolicyGridSize) return Status::kInvalidArgument;
+  if (state_.path[static_cast<std::size_t>(policy_cell)] == kPathUnreachable) {
+    return Status::kUnavailable;
+  }
+  Decision decision;
+  decision.kind = Decision::Kind::kLocalGoal;
+  decision.policy_cell = policy_cell;
+  decision.goal = goal_in_block(policy_cell);
+  out = planned(decision);
+  return Status::kOk;
+}
+
+// The reachable cell of the block that lies nearest to the block's middle.
+Cell Explorer::goal_in_block(std::int32_t policy_cell) const {
+  const CellRect block = state_.grid.block(policy_cell);
+  Cell best{block.x, block.y};
+  std::int32_t best_distance = std::numeric_limits<std::int32_t>::max();
+  for (std::int32_t y = block.y; y < block.top(); ++y) {
+    for (std::int32_t x = block.x; x < block.right(); ++x) {
+      if (paths_.cost_at(map_, {x, y}) == path::kUnreachable) continue;
+      const std::int32_t dx = 2 * (x - block.x) + 1 - block.width;
+      const std::int32_t dy = 2 * (y - block.y) + 1 - block.height;
+      if (dx * dx + dy * dy >= best_distance) continue;
+      best_distance = dx * dx + dy * dy;
+      best = {x, y};
+    }
+  }
+  return best;
+}
+
+Decision Explorer::select_global_goal(const Pose& pose) {
+  const CellRect everything = map_.frame().window();
+  paths_.compute(map_, robot_cell(pose), everything);
+  Decision decision;
+  // Frontiers that were tried in vain several times are given up, so this loop ends.
+  while (const auto frontier = nearest_frontier(map_, paths_, everything, stand_off_cells())) {
+    tries_at_frontier_ = frontier->frontier == last_frontier_ ? tries_at_frontier_ + 1 : 0;
+    last_frontier_ = frontier->frontier;
+    if (tries_at_frontier_ > 3) {
+      give_up_frontier();
+      continue;
+    }
+    decision.kind = Decision::Kind::kGlobalGoal;
+    decision.goal = frontier->stand;
+    return planned(decision);
+  }
+  const Cell home = map_.frame().cell_at(start_.position);
+  const bool away = !(home == robot_cell(pose));
+  if (config_.return_to_start && away && paths_.cost_at(map_, home) != path::kUnreachable) {
+    decision.kind = Decision::Kind::kReturn;
+    decision.goal = home;
+    return planned(decision);
+  }
+  path_.clear();
+  last_ = decision;
+  return decision;
+}
+
+Status Explorer::select_cell(const Pose& pose, Cell goal, Decision& out) {
+  paths_.compute(map_, robot_cell(pose), map_.frame().window());
+  if (paths_.cost_at(map_, goal) == path::kUnreachable) return Status::kUnavailable;
+  Decision decision;
+  decision.kind = Decision::Kind::kGlobalGoal;
+  decision.goal = goal;
+  out = planned(decision);
+  return Status::kOk;
+}
+
+Decision Explorer::planned(Decision decision) {
+  (void)plan_path(map_, paths_, decision.goal, path_);  // callers checked that it can be reached
+  last_ = decision;
+  return decision;
+}
+
+// Judges the action that has just ended: idle local actions and frontiers that showed nothing.
+void Explorer::review_last_goal(const Pose& pose) {
+  const bool idle = action_.newly_seen_cells < config_.min_gain_cells;
+  if (last_.kind == Decision::Kind::kLocalGoal) {
+    idle_actions_ = idle ? idle_actions_ + 1 : 0;
+    return;
+  }
+  idle_actions_ = 0;
+  if (last_.kind != Decision::Kind::kGlobalGoal || !idle) return;
+  const Cell robot = robot_cell(pose);
+  const std::int32_t distance =
+      std::max(std::abs(robot.x - last_.goal.x), std::abs(robot.y - last_.goal.y));
+  if (distance <= stand_off_cells()) give_up_frontier();
+}
+
+void Explorer::abandon_goal() {
+  if (last_.kind == Decision::Kind::kGlobalGoal) give_up_frontier();
+  if (last_.kind == Decision::Kind::kLocalGoal) idle_actions_ = config_.max_idle_actions;
+}
+
+void Explorer::give_up_frontier() {
+  const CellRect around =
+      CellRect{last_frontier_.x, last_frontier_.y, 1, 1}.grown(stand_off_cells());
+  for (std::int32_t y = around.y; y < around.top(); ++y) {
+    for (std::int32_t x = around.x; x < around.right(); ++x) {
+      if (is_frontier(map_, {x, y})) map_.set_flag({x, y}, cell_flag::kGivenUp);
+    }
+  }
+}
+
+void Explorer::copy_from(const Explorer& other) {
+  config_ = other.config_;
+  map_.copy_from(other.map_);
+  fusion_ = other.fusion_;
+  paths_.set_region(other.paths_.region());
+  state_ = other.state_;
+  mask_ = other.mask_;
+  path_ = other.path_;
+  start_ = other.start_;
+  action_ = other.action_;
+  last_ = other.last_;
+  last_frontier_ = other.last_frontier_;
+  idle_actions_ = other.idle_actions_;
+  tries_at_frontier_ = other.tries_at_frontier_;
+  q_values_ = other.q_values_;
+}
+
+}  // namespace ivfm

@@ -1,0 +1,171 @@
+// The explorer: map, state, Q values and goal choice of one robot, without any input or output.
+// The agent, the evaluator and the trainer's environment all run this very code.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "firmware/lidar/scan.h"
+#include "firmware/mapping/exploration_map.h"
+#include "firmware/mapping/scan_fusion.h"
+#include "firmware/mapping/shortest_path_map.h"
+#include "firmware/nn/q_function.h"
+#include "firmware/planning/frontier.h"
+#include "firmware/planning/path_planner.h"
+
+namespace ivfm {
+
+struct ExplorerConfig {
+  FusionConfig fusion;
+  PathConfig paths;
+  std::int32_t robot_radius_um = 105'000;  // TurtleBot3 Burger
+  std::int32_t pool = 8;                   // map cells along a policy cell's side
+  // Fewer reachable frontier cells than this in the local map: nothing worth visiting there.
+  std::int32_t min_local_frontier = 6;
+  // Goals nearer than this are no moves.
+  std::int32_t min_goal_distance_um = 105'000;
+  // After so many local actions in a row that saw fewer than `min_gain_cells` new cells, the next
+  // goal is the nearest frontier of the whole map.
+  std::int32_t max_idle_actions = 2;
+  std::uint32_t min_gain_cells = 4;
+  bool return_to_start = false;
+
+  // The paper's arenas (method.md): camera footprint, 1 m local map, robot radius 0.064 m.
+  static constexpr ExplorerConfig paper() {
+    ExplorerConfig c;
+    c.fusion.footprint = VisitFootprint::paper_camera();
+    c.robot_radius_um = 64'000;
+    c.min_goal_distance_um = 70'000;
+    c.pool = 2;
+    return c;
+  }
+  // A robot with a lidar: visits count within `visit_range_um`; the local map is about four visit
+  // ranges across, as in the paper.
+  static constexpr ExplorerConfig lidar(std::int32_t visit_range_um, std::int32_t cell_um) {
+    ExplorerConfig c;
+    c.fusion.footprint = VisitFootprint::sector(visit_range_um, BinaryAngle(std::uint16_t{0x8000}));
+    c.paths.unknown_is_traversable = false;
+    const std::int32_t pool = (visit_range_um * 4 / cell_um + 31) / 32;
+    c.pool = pool < 1 ? 1 : (pool > kMaxPool ? kMaxPool : pool);
+    return c;
+  }
+};
+
+// What the robot should do next.
+struct Decision {
+  enum class Kind : std::uint8_t {
+    kLocalGoal,   // the policy's choice in the local map
+    kGlobalGoal,  // nothing worth visiting nearby: the nearest frontier of the whole map
+    kReturn,      // explored: back to the start
+    kExplored,    // nothing left to explore; stay
+  };
+  Kind kind = Kind::kExplored;
+  Cell goal;
+  std::int32_t policy_cell = -1;  // index in the policy grid, for local goals
+  std::int32_t q_value = 0;
+};
+
+class Explorer {
+ public:
+  using Mask = std::array<std::uint8_t, kPolicyGridSize>;
+
+  // The memory that an Explorer works in; see ExplorerFor.
+  struct Memory {
+    MapLayers layers;
+    std::span<std::uint32_t> bucket_entries;
+  };
+
+  Explorer(const ExplorerConfig& config, const Memory& memory, std::int32_t cell_um,
+           std::int32_t window_cells);
+
+  // Empties everything. The map's window is centred on `window_center`.
+  void start(const Pose& pose, Point window_center);
+  void start(const Pose& pose) { start(pose, pose.position); }
+
+  // Begins an action: visits count once per action on the union of its views.
+  void begin_action();
+  // Fuses a scan taken at `pose`. `count_visits` false: occupancy only.
+  ViewStatistics fuse(const Pose& pose, const Scan& scan, bool count_visits = true);
+
+  // Rolls the window, computes the shortest path map of the local map and the state.
+  void observe(const Pose& pose);
+  const LocalState& state() const { return state_; }
+  // Which policy cells can be goals: reachable and far enough. After observe().
+  const Mask& goal_mask() const { return mask_; }
+  // Whether the local map holds anything worth visiting. After observe().
+  bool local_map_is_worth_visiting() const;
+
+  // The whole decision: observe, evaluate, masked argmax; else the nearest frontier of the whole
+  // map; else explored. The path to the goal is planned. A failing `q` counts as "no local goal".
+  Decision decide(const Pose& pose, QFunction& q);
+  // A goal chosen by somebody else (baselines, trainer). After observe(). kUnavailable: out of
+  // reach; kInvalidArgument: no such policy cell. Plans the path.
+  Status select_local_goal(std::int32_t policy_cell, Decision& out);
+  // The nearest frontier of the whole map, or return, or explored. Plans the path.
+  Decision select_global_goal(const Pose& pose);
+  // Any map cell as a goal; computes the shortest path map of the whole map. kUnavailable as above.
+  Status select_cell(const Pose& pose, Cell goal, Decision& out);
+  // The last goal could not be reached (blocked, stuck): global goals near it are given up.
+  void abandon_goal();
+
+  // Waypoints of the last decision, in driving order.
+  const WaypointPath& path() const { return path_; }
+
+  ExplorationMap& map() { return map_; }
+  const ExplorationMap& map() const { return map_; }
+  ShortestPathMap& paths() { return paths_; }
+  const ShortestPathMap& paths() const { return paths_; }
+  const ExplorerConfig& config() const { return config_; }
+  const ViewStatistics& action_statistics() const { return action_; }
+  std::int32_t stand_off_cells() const;
+
+  // Takes over another explorer's state; both must come from the same profile.
+  void copy_from(const Explorer& other);
+
+ private:
+  Cell robot_cell(const Pose& pose) const { return map_.frame().cell_at(pose.position); }
+  Cell goal_in_block(std::int32_t policy_cell) const;
+  Decision select_best(std::span<const std::int32_t> q_values);
+  void give_up_frontier();
+  void review_last_goal(const Pose& pose);
+  Decision planned(Decision decision);
+
+  ExplorerConfig config_;
+  ExplorationMap map_;
+  ScanFusion fusion_;
+  ShortestPathMap paths_;
+  LocalState state_{};
+  Mask mask_{};
+  WaypointPath path_;
+  Pose start_{};
+  ViewStatistics action_{};
+  Decision last_{};
+  Cell last_frontier_{};
+  std::int32_t idle_actions_ = 0;
+  std::int32_t tries_at_frontier_ = 0;
+  std::array<std::int32_t, kPolicyGridSize> q_values_{};
+};
+
+// An Explorer with its memory: nothing is ever allocated. Copyable (planners look ahead in copies).
+template <typename Profile>
+class ExplorerFor : private MapStorage<Profile::kWindowCells>,
+                    private BucketStorage<Profile::kBucketCapacity>,
+                    public Explorer {
+  using Cells = MapStorage<Profile::kWindowCells>;
+  using Buckets = BucketStorage<Profile::kBucketCapacity>;
+
+ public:
+  explicit ExplorerFor(const ExplorerConfig& config, std::int32_t cell_um = Profile::kCellUm)
+      : Explorer(config, {Cells::layers(), Buckets::entries}, cell_um, Profile::kWindowCells) {}
+  ExplorerFor(const ExplorerFor& other)
+      : ExplorerFor(other.config(), other.map().frame().cell_um()) {
+    copy_from(other);
+  }
+  ExplorerFor& operator=(const ExplorerFor& other) {
+    copy_from(other);
+    return *this;
+  }
+};
+
+}  // namespace ivfm

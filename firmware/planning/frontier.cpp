@@ -1,0 +1,75 @@
+#include "firmware/planning/frontier.h"
+
+namespace ivfm {
+
+namespace {
+
+constexpr Cell kNeighbours[] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
+
+// The cheapest reachable cell within `stand_off` of `frontier`.
+std::optional<FrontierGoal> best_stand(const ExplorationMap& map, const ShortestPathMap& paths,
+                                       Cell frontier, std::int32_t stand_off) {
+  FrontierGoal best{frontier, {}, path::kUnreachable};
+  const CellRect near =
+      CellRect{frontier.x, frontier.y, 1, 1}.grown(stand_off).intersection(paths.region());
+  for (std::int32_t y = near.y; y < near.top(); ++y) {
+    for (std::int32_t x = near.x; x < near.right(); ++x) {
+      const std::uint16_t cost = paths.cost_at(map, {x, y});
+      if (cost >= best.path_cost) continue;
+      best.path_cost = cost;
+      best.stand = {x, y};
+    }
+  }
+  if (best.path_cost == path::kUnreachable) return std::nullopt;
+  return best;
+}
+
+// Calls visit(cell) for every frontier cell of `rect` until it returns false.
+template <typename Visit>
+void for_each_frontier(const ExplorationMap& map, const CellRect& rect, Visit visit) {
+  const CellRect inside = rect.intersection(map.frame().window().grown(-1));
+  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
+    for (std::int32_t x = inside.x; x < inside.right(); ++x) {
+      if (is_frontier(map, {x, y}) && !visit(Cell{x, y})) return;
+    }
+  }
+}
+
+}  // namespace
+
+bool is_frontier(const ExplorationMap& map, Cell c) {
+  const MapLayers& layers = map.layers();
+  if (!map.frame().contains(c)) return false;
+  const std::size_t i = map.frame().index_of(c);
+  constexpr std::uint8_t kRuledOut = cell_flag::kObstacle | cell_flag::kGivenUp;
+  if (layers.own_visits[i] || layers.peer_visits[i] || (layers.flags[i] & kRuledOut)) return false;
+  for (const Cell& step : kNeighbours) {
+    const Cell n{c.x + step.x, c.y + step.y};
+    if (map.is_seen(n) && !map.is_obstacle(n)) return true;
+  }
+  return false;
+}
+
+std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
+                                             const ShortestPathMap& paths, const CellRect& rect,
+                                             std::int32_t stand_off) {
+  std::optional<FrontierGoal> best;
+  for_each_frontier(map, rect, [&](Cell c) {
+    const auto candidate = best_stand(map, paths, c, stand_off);
+    if (candidate && (!best || candidate->path_cost < best->path_cost)) best = candidate;
+    return true;
+  });
+  return best;
+}
+
+bool has_reachable_frontier(const ExplorationMap& map, const ShortestPathMap& paths,
+                            const CellRect& rect, std::int32_t stand_off, int count) {
+  int found = 0;
+  for_each_frontier(map, rect, [&](Cell c) {
+    found += best_stand(map, paths, c, stand_off).has_value() ? 1 : 0;
+    return found < count;
+  });
+  return found >= count;
+}
+
+}  // namespace ivfm

@@ -1,0 +1,33 @@
+// Frontiers: the border between what has been seen and what has not (Yamauchi, 1997).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "firmware/mapping/exploration_map.h"
+#include "firmware/mapping/shortest_path_map.h"
+
+namespace ivfm {
+
+// Whether `c` is unseen, not an obstacle, not given up, and next to a cell that was seen free.
+bool is_frontier(const ExplorationMap& map, Cell c);
+
+// A frontier and the cell from which to look at it.
+struct FrontierGoal {
+  Cell frontier;
+  Cell stand;               // reachable, within `stand_off` cells of the frontier
+  std::uint16_t path_cost;  // from the robot to `stand`, see ShortestPathMap
+};
+
+// The frontier in `rect` whose standing place costs least to reach by the last computed shortest
+// path map; no value when none is reachable. `stand_off`: how many cells from it one may stand
+// (frontiers along walls cannot be stood on). Ties: lowest cell index.
+std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
+                                             const ShortestPathMap& paths, const CellRect& rect,
+                                             std::int32_t stand_off);
+
+// Whether `rect` holds at least `count` frontier cells that nearest_frontier could choose.
+bool has_reachable_frontier(const ExplorationMap& map, const ShortestPathMap& paths,
+                            const CellRect& rect, std::int32_t stand_off, int count);
+
+}  // namespace ivfm

@@ -1,0 +1,109 @@
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/planning/frontier.h"
+#include "firmware/planning/path_planner.h"
+
+namespace ivfm {
+namespace {
+
+// Drawn from the top row down: '#' obstacle, '.' seen free, ' ' unseen. (0, 0) is the lower left.
+struct Drawn {
+  explicit Drawn(const std::vector<std::string>& rows)
+      : map(storage->layers(), 50'000, 64, 1'000), paths({}, buckets->entries) {
+    const auto height = static_cast<std::int32_t>(rows.size());
+    for (std::int32_t y = 0; y < height; ++y) {
+      const std::string& row = rows[static_cast<std::size_t>(height - 1 - y)];
+      region = region.united(CellRect{0, y, static_cast<std::int32_t>(row.size()), 1});
+      for (std::int32_t x = 0; x < static_cast<std::int32_t>(row.size()); ++x) {
+        const char drawn = row[static_cast<std::size_t>(x)];
+        if (drawn == '#') map.add_evidence({x, y}, occupancy::kHit);
+        if (drawn == '.') map.count_visit({x, y});
+      }
+    }
+  }
+  std::unique_ptr<MapStorage<64>> storage = std::make_unique<MapStorage<64>>();
+  std::unique_ptr<BucketStorage<64>> buckets = std::make_unique<BucketStorage<64>>();
+  ExplorationMap map;
+  ShortestPathMap paths;
+  CellRect region{};
+};
+
+TEST(Frontier, IsTheUnseenSideOfTheBorderAndNeverAnObstacle) {
+  Drawn world({"..  ",  //
+               "..# ",  //
+               "..# "});
+  EXPECT_TRUE(is_frontier(world.map, {2, 2}));
+  EXPECT_FALSE(is_frontier(world.map, {3, 2})) << "not next to a seen cell";
+  EXPECT_FALSE(is_frontier(world.map, {2, 1})) << "an obstacle";
+  EXPECT_FALSE(is_frontier(world.map, {3, 1})) << "behind the wall";
+  EXPECT_FALSE(is_frontier(world.map, {1, 2})) << "seen";
+}
+
+TEST(Frontier, TheNearestByPathIsChosenNotTheNearestByAir) {
+  Drawn world({"..........",  //
+               ".########.",  //
+               ".#     .#.",  // unseen cells behind a wall, close by air
+               ".########.",  //
+               "........  "});
+  world.paths.compute(world.map, {4, 0}, world.region);
+  const auto goal = nearest_frontier(world.map, world.paths, world.region, 1);
+  ASSERT_TRUE(goal.has_value());
+  EXPECT_EQ(goal->frontier, (Cell{8, 0}));
+  EXPECT_EQ(goal->stand, (Cell{7, 0})) << "standing one cell before it is enough";
+}
+
+TEST(Frontier, GivenUpFrontiersAreNotChosenAgain) {
+  Drawn world({"... "});
+  world.paths.compute(world.map, {0, 0}, world.region);
+  EXPECT_TRUE(has_reachable_frontier(world.map, world.paths, world.region, 1, 1));
+  world.map.set_flag({3, 0}, cell_flag::kGivenUp);
+  EXPECT_FALSE(nearest_frontier(world.map, world.paths, {0, 0, 4, 1}, 1).has_value());
+}
+
+TEST(PathPlanner, AStraightWayIsOneWaypoint) {
+  Drawn world({"........", "........", "........"});
+  world.paths.compute(world.map, {0, 0}, world.region);
+  WaypointPath path;
+  ASSERT_TRUE(ok(plan_path(world.map, world.paths, {7, 2}, path)));
+  ASSERT_EQ(path.points().size(), 1u);
+  EXPECT_EQ(path.points()[0], world.map.frame().center_of({7, 2}));
+}
+
+TEST(PathPlanner, WaypointsGoAroundCornersAndEverySegmentIsFree) {
+  Drawn world({".....", "...#.", ".###.", "....."});
+  world.paths.compute(world.map, {1, 0}, world.region);
+  WaypointPath path;
+  ASSERT_TRUE(ok(plan_path(world.map, world.paths, {2, 2}, path)));
+  ASSERT_GE(path.points().size(), 2u);
+  Cell at{1, 0};
+  for (const Point& p : path.points()) {
+    const Cell next = world.map.frame().cell_at(p);
+    EXPECT_TRUE(line_is_traversable(world.map, world.paths, at, next));
+    at = next;
+  }
+  EXPECT_EQ(at, (Cell{2, 2}));
+}
+
+TEST(PathPlanner, AGoalOutOfReachIsRefused) {
+  Drawn world({"..#.", "..#."});
+  world.paths.compute(world.map, {0, 0}, world.region);
+  WaypointPath path;
+  EXPECT_EQ(plan_path(world.map, world.paths, {3, 1}, path), Status::kUnavailable);
+  EXPECT_TRUE(path.empty());
+}
+
+TEST(WaypointPath, AFullPathDropsWhatIsFarthestAway) {
+  WaypointPath path;
+  for (int i = 70; i > 0; --i) path.push_front({i * 1000, 0});
+  ASSERT_EQ(path.points().size(), WaypointPath::kMaxWaypoints);
+  EXPECT_EQ(path.points().front(), (Point{1000, 0}));
+  EXPECT_EQ(path.points().back(), (Point{64'000, 0}));
+  EXPECT_EQ(path.length_um({0, 0}), 64'000);
+}
+
+}  // namespace
+}  // namespace ivfm
