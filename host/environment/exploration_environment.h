@@ -1,0 +1,210 @@
+// Robots exploring a simulated world in turn, each with the firmware's own Explorer, in process.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "firmware/lidar/scan.h"
+#include "firmware/planning/explorer.h"
+#include "host/environment/scenario.h"
+
+namespace ivfm::host {
+
+enum class SensorModel : std::uint8_t {
+  kPaperCamera,  // sees its floor trapezoid and the obstacles that stand in it
+  kLidar,        // a fan of beams of limited range
+};
+
+// How robots sense, move and share. Start from arena() or building().
+struct EnvironmentConfig {
+  ExplorerConfig explorer;
+  std::int32_t cell_um = 0;       // of the robots' maps
+  std::int32_t window_cells = 0;  // side of the robots' maps
+  std::size_t bucket_capacity = 0;
+
+  SensorModel sensor = SensorModel::kLidar;
+  std::int32_t sensor_range_um = 0;          // lidar: beams end here
+  std::uint16_t sensor_half_angle = 0x8000;  // lidar: half the field of view, 0x8000 = full circle
+  std::uint16_t beam_step = 0;               // lidar: binary angle between beams
+
+  // Motion, in simulation steps of 1/240 s: 1 mm forward (0.24 m/s) or 3 degrees of turn.
+  std::int32_t max_sim_steps = 0;     // an action ends after so many; 0: no limit
+  std::int32_t view_every_steps = 0;  // a view is taken after so many steps, and at the end
+  std::int32_t front_um = 0;          // the robot's front, not its middle, goes to the goal
+  bool count_last_view = true;        // whether an action's last view counts as a visit
+  bool count_first_view = true;       // whether the view before the first action counts
+  bool stop_when_blocked = false;     // an action ends when a view shows its path is blocked
+  bool walls_known = false;           // the world's border is on the maps from the start
+
+  std::int32_t max_actions_per_agent = 800;
+  // Without a target the episode ends when this share of the explorable area is seen.
+  double until_coverage = 0.99;
+  // Free area counts as explorable where the robot's disc can get; else all connected free area.
+  bool explorable_by_disc = false;
+
+  // The paper's arenas, with the accounting of its released code (method.md).
+  static EnvironmentConfig arena();
+  // Buildings: a lidar of limited range, RobotProfile's cells. `window_cells`: side of the robots'
+  // maps; smaller is faster, the map must cover the world unless forgetting is wanted.
+  static EnvironmentConfig building(std::int32_t sensor_range_um = 3'000'000,
+                                    std::int32_t window_cells = 1536);
+};
+
+// What one action did.
+struct StepResult {
+  std::uint32_t newly_seen_cells = 0;  // no robot had seen them before
+  std::uint32_t re_seen_cells = 0;     // seen before this action
+  double re_seen_penalty_cells = 0;    // sum of 2 sigma(count) - 1 over the re-seen cells
+  double distance_m = 0;               // driven
+  double turned_rad = 0;
+  std::int32_t sim_steps = 0;
+  std::int32_t views = 0;
+  bool collided = false;  // the action ended by contact
+  bool blocked = false;   // the action ended because its path turned out to be blocked
+  bool idle = false;      // moved less than 5 mm and turned less than 1 degree
+  bool found = false;     // a view contained the target
+  bool done = false;      // the episode is over: found, explored enough, or out of actions
+};
+
+// What an episode amounts to so far; the raw material of the metrics in method.md.
+struct EpisodeTotals {
+  std::vector<std::int32_t> actions;  // by agent
+  std::vector<double> distance_m;     // by agent
+  std::int64_t explored_cells = 0;    // seen by anybody
+  std::int64_t visits = 0;            // sum over cells and agents
+  std::int64_t shared_cells = 0;      // seen by two agents or more
+  std::int64_t explorable_cells = 0;
+  std::int64_t explorable_seen_cells = 0;
+  std::int64_t sim_steps = 0;  // summed over agents
+  std::int64_t collisions = 0;
+  std::int64_t visit_mbr_cells = 0;     // area of MBR(delta S), summed over actions
+  std::int64_t obstacle_mbr_cells = 0;  // area of MBR(delta O), summed over actions
+  bool found = false;
+
+  std::int32_t total_actions() const;
+  double total_distance_m() const;
+  double coverage() const {
+    return explorable_cells == 0
+               ? 0
+               : static_cast<double>(explorable_seen_cells) / static_cast<double>(explorable_cells);
+  }
+};
+
+// An Explorer whose memory is sized at run time. Copyable.
+class HeapExplorer {
+ public:
+  explicit HeapExplorer(const EnvironmentConfig& config);
+  HeapExplorer(const HeapExplorer& other);
+  HeapExplorer& operator=(const HeapExplorer& other);
+  ~HeapExplorer();
+
+  Explorer& get();
+  const Explorer& get() const;
+
+ private:
+  struct Storage;
+  std::unique_ptr<Storage> storage_;
+};
+
+// Robots act in turn, one whole action each, and share visits and obstacles after every action as
+// the link would. Copies are independent: planners may look ahead in them.
+//
+//   ExplorationEnvironment env(EnvironmentConfig::arena());
+//   env.reset(random_arena(ArenaKind::k1x, 1, seed));
+//   while (!env.is_done()) {
+//     const int agent = env.next_agent();
+//     env.observe(agent);  // -> env.state(agent), env.goal_mask(agent)
+//     const StepResult result = env.step(agent, policy_cell);
+//   }
+class ExplorationEnvironment {
+ public:
+  explicit ExplorationEnvironment(const EnvironmentConfig& config);
+
+  // Starts an episode with one agent for each of the scenario's starts, and takes the first view.
+  // Throws std::invalid_argument when there is no agent.
+  void reset(const Scenario& scenario);
+
+  int agents() const { return static_cast<int>(agents_.size()); }
+  int next_agent() const { return next_agent_; }
+  bool is_done() const { return done_; }
+
+  // Computes the agent's state and goal mask. Both stay valid until the agent's next action.
+  void observe(int agent) { explorer(agent).observe(pose(agent)); }
+  const LocalState& state(int agent) const { return explorer(agent).state(); }
+  const Explorer::Mask& goal_mask(int agent) const { return explorer(agent).goal_mask(); }
+  // False: the local map holds nothing worth visiting; call step_global(). After observe().
+  bool local_map_is_worth_visiting(int agent) const {
+    return explorer(agent).local_map_is_worth_visiting();
+  }
+
+  // One action: drives to policy cell 0 .. kPolicyGridSize - 1. After observe(). A cell out of
+  // reach is an action that does nothing.
+  StepResult step(int agent, int policy_cell);
+  // One action: drives to the nearest frontier of the whole map. Ends the episode when there is
+  // none: everything that can be reached is explored.
+  StepResult step_global(int agent);
+  // One action: drives to a map cell anywhere. A cell out of reach is an action that does nothing.
+  StepResult step_to(int agent, Cell goal);
+  // One action: drives what the agent's explorer decided (Explorer::decide).
+  StepResult step_decision(int agent, const Decision& decision);
+
+  Explorer& explorer(int agent) { return agents_[static_cast<std::size_t>(agent)].explorer.get(); }
+  const Explorer& explorer(int agent) const {
+    return agents_[static_cast<std::size_t>(agent)].explorer.get();
+  }
+  const Pose& pose(int agent) const { return agents_[static_cast<std::size_t>(agent)].pose; }
+  const Scenario& scenario() const { return scenario_; }
+  const EnvironmentConfig& config() const { return config_; }
+  const EpisodeTotals& totals() const { return totals_; }
+  // Visits of one agent over extent(), row by row from the lowest row, saturating at 255.
+  const std::vector<std::uint8_t>& visits(int agent) const {
+    return agents_[static_cast<std::size_t>(agent)].visits;
+  }
+  // The map cells that cover the world.
+  const CellRect& extent() const { return extent_; }
+
+ private:
+  struct Agent {
+    HeapExplorer explorer;
+    Pose pose;
+    std::vector<std::uint8_t> visits;     // own, over extent_
+    std::vector<std::uint8_t> obstacles;  // own, over extent_
+  };
+  struct Motion;
+
+  void take_view(Agent& agent, bool count_visits, StepResult& result);
+  void drive(Agent& agent, StepResult& result);
+  bool turn_towards(Motion& motion, Point goal);
+  bool drive_straight(Motion& motion, Point goal, std::int32_t stop_short_um);
+  bool spend_steps(Motion& motion, std::int32_t steps);
+  StepResult act(int agent, bool has_goal);
+  double free_travel_um(const Agent& agent, Point to) const;
+  bool path_is_blocked(const Agent& agent, std::size_t next_waypoint) const;
+  bool target_in_view(const Agent& agent) const;
+  void make_camera_scan(const Pose& pose);
+  void make_lidar_scan(const Pose& pose);
+  void share(int agent);
+  void share_visits(int agent, const CellRect& rect);
+  void share_obstacles(const CellRect& rect);
+  void count_visits(Agent& agent, int index, const CellRect& rect);
+  void find_explorable_cells();
+  void finish_action(int agent, StepResult& result);
+
+  EnvironmentConfig config_;
+  Scenario scenario_;
+  CellRect extent_;
+  GridFrame extent_frame_;
+  std::vector<Agent> agents_;
+  std::vector<std::uint8_t> explorable_;  // over extent_
+  std::vector<std::uint16_t> visit_sum_;  // over extent_, of all agents
+  std::vector<std::uint8_t> seen_by_;     // over extent_, how many agents
+  std::vector<std::uint8_t> scratch_;
+  Scan scan_;
+  EpisodeTotals totals_;
+  int next_agent_ = 0;
+  bool done_ = true;
+};
+
+}  // namespace ivfm::host
