@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cstdlib>
 #include <cstring>
 
 namespace ivfm {
@@ -70,6 +71,7 @@ void ExplorationMap::clear(Cell center) {
   }
   std::ranges::fill(layers_.path_cost, std::uint16_t{0xffff});
   changes_ = {};
+  known_ = {};
 }
 
 bool ExplorationMap::roll_to(Cell robot) {
@@ -96,6 +98,7 @@ bool ExplorationMap::roll_to(Cell robot) {
   frame_ = GridFrame(frame_.cell_um(), moved);
   std::ranges::fill(layers_.path_cost, std::uint16_t{0xffff});
   for (CellRect& change : changes_) change = change.intersection(moved);
+  known_ = known_.intersection(moved);
   return true;
 }
 
@@ -117,15 +120,55 @@ void ExplorationMap::add_evidence(Cell c, int evidence) {
   std::int8_t& cell = layers_.occupancy[frame_.index_of(c)];
   cell = static_cast<std::int8_t>(std::clamp(cell + evidence, occupancy::kMin, occupancy::kMax));
   update_obstacle(c, cell_flag::kOwnObstacle, cell > 0);
+  known_ = known_.united(c);
+}
+
+void ExplorationMap::add_miss_at(std::size_t index, Cell c) {
+  if (layers_.flags[index] & cell_flag::kHitThisScan) return;
+  std::int8_t& cell = layers_.occupancy[index];
+  if (cell <= occupancy::kMin) return;
+  cell = static_cast<std::int8_t>(cell + occupancy::kMiss);
+  if (cell == 0) update_obstacle(c, cell_flag::kOwnObstacle, false);
+}
+
+void ExplorationMap::add_misses_on_line(Cell a, Cell b) {
+  const std::int32_t dx = std::abs(b.x - a.x), dy = -std::abs(b.y - a.y);
+  const std::int32_t sx = a.x < b.x ? 1 : -1, sy = a.y < b.y ? 1 : -1;
+  const bool inside = frame_.contains(a) && frame_.contains(b);  // then so is the whole line
+  known_ = known_.united(CellRect{a.x, a.y, 1, 1}.united(b).intersection(frame_.window()));
+  const std::int32_t stride = sy * frame_.width();
+  auto index = static_cast<std::ptrdiff_t>(inside ? frame_.index_of(a) : 0);
+  std::int32_t error = dx + dy;
+  while (!(a == b)) {
+    if (inside) {
+      add_miss_at(static_cast<std::size_t>(index), a);
+    } else if (frame_.contains(a)) {
+      add_miss_at(frame_.index_of(a), a);
+    }
+    const std::int32_t twice = 2 * error;
+    if (twice >= dy) {
+      error += dy;
+      a.x += sx;
+      index += sx;
+    }
+    if (twice <= dx) {
+      error += dx;
+      a.y += sy;
+      index += stride;
+    }
+  }
 }
 
 void ExplorationMap::count_visit(Cell c) {
   assert(frame_.contains(c));
-  std::uint8_t& count = layers_.own_visits[frame_.index_of(c)];
-  if (count == 255) return;
-  ++count;
+  count_visit_at(frame_.index_of(c));
+  note_visits({c.x, c.y, 1, 1});
+}
+
+void ExplorationMap::note_visits(const CellRect& rect) {
   CellRect& change = changes_[static_cast<std::size_t>(Layer::kVisits)];
-  change = change.united(c);
+  change = change.united(rect);
+  known_ = known_.united(rect);
 }
 
 void ExplorationMap::set_flag(Cell c, std::uint8_t flag) {
@@ -169,6 +212,7 @@ Status ExplorationMap::write_peers(Layer layer, const CellRect& rect,
                                    std::span<const std::uint8_t> cells) {
   if (static_cast<std::int64_t>(cells.size()) != rect.area()) return Status::kInvalidArgument;
   const CellRect inside = rect.intersection(frame_.window());
+  known_ = known_.united(inside);
   for (std::int32_t y = inside.y; y < inside.top(); ++y) {
     for (std::int32_t x = inside.x; x < inside.right(); ++x) {
       const std::uint8_t value =
@@ -188,6 +232,7 @@ Status ExplorationMap::restore_own(Layer layer, const CellRect& rect,
                                    std::span<const std::uint8_t> cells) {
   if (static_cast<std::int64_t>(cells.size()) != rect.area()) return Status::kInvalidArgument;
   const CellRect inside = rect.intersection(frame_.window());
+  known_ = known_.united(inside);
   for (std::int32_t y = inside.y; y < inside.top(); ++y) {
     for (std::int32_t x = inside.x; x < inside.right(); ++x) {
       const std::uint8_t value =
@@ -217,6 +262,7 @@ void ExplorationMap::copy_from(const ExplorationMap& other) {
   disc_half_width_ = other.disc_half_width_;
   disc_radius_cells_ = other.disc_radius_cells_;
   changes_ = other.changes_;
+  known_ = other.known_;
 }
 
 void ExplorationMap::update_obstacle(Cell c, std::uint8_t flag, bool occupied) {

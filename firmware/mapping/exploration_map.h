@@ -86,8 +86,19 @@ class ExplorationMap final : public SharedMap {
 
   // Adds `evidence` (occupancy::kHit or kMiss) to a cell; outside the window nothing happens.
   void add_evidence(Cell c, int evidence);
+  // Adds occupancy::kMiss to the cells on the straight line from `a` to before `b` (Bresenham) that
+  // no beam of the scan being fused ends in (kHitThisScan).
+  void add_misses_on_line(Cell a, Cell b);
   // Counts one visit of this robot. Requires the cell inside the window.
   void count_visit(Cell c);
+  // The same for many: count_visit_at() each index, then note_visits() with their rectangle once.
+  void count_visit_at(std::size_t index) {
+    std::uint8_t& count = layers_.own_visits[index];
+    count = static_cast<std::uint8_t>(count + (count < 255 ? 1 : 0));
+  }
+  void note_visits(const CellRect& rect);
+  // Holds every cell that was ever observed or reported, so that planning need not look elsewhere.
+  const CellRect& known_rect() const { return known_; }
   void set_flag(Cell c, std::uint8_t flag);
   void clear_flag(const CellRect& rect, std::uint8_t flag);
 
@@ -109,6 +120,7 @@ class ExplorationMap final : public SharedMap {
   }
   void update_obstacle(Cell c, std::uint8_t flag, bool occupied);
   void stamp_inflation(Cell c, int step);
+  void add_miss_at(std::size_t index, Cell c);
 
   MapLayers layers_;
   GridFrame frame_;
@@ -116,6 +128,7 @@ class ExplorationMap final : public SharedMap {
   std::array<std::int8_t, 17> disc_half_width_{};  // columns of the inflation disc, row by row
   std::int32_t disc_radius_cells_ = 0;
   std::array<CellRect, 2> changes_{};
+  CellRect known_{};
 };
 
 }  // namespace ivfm

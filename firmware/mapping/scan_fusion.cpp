@@ -16,24 +16,20 @@ std::uint16_t to_units(std::uint16_t range_mm) {
   return static_cast<std::uint16_t>((std::uint32_t{range_mm} * 1000u) >> kUnitShift);
 }
 
-// Calls visit(cell) for the cells on the straight line from `a` to before `b` (Bresenham).
-template <typename Visit>
-void for_each_cell_before(Cell a, Cell b, Visit visit) {
-  const std::int32_t dx = std::abs(b.x - a.x), dy = -std::abs(b.y - a.y);
-  const std::int32_t sx = a.x < b.x ? 1 : -1, sy = a.y < b.y ? 1 : -1;
-  std::int32_t error = dx + dy;
-  while (!(a == b)) {
-    visit(a);
-    const std::int32_t twice = 2 * error;
-    if (twice >= dy) {
-      error += dy;
-      a.x += sx;
-    }
-    if (twice <= dx) {
-      error += dx;
-      a.y += sy;
-    }
+// The smallest rectangle of cells that holds the footprint seen from `pose`.
+CellRect footprint_box(const VisitFootprint& f, const GridFrame& frame, const Pose& pose) {
+  const Cell robot = frame.cell_at(pose.position);
+  if (f.kind == VisitFootprint::Kind::kSector) {
+    return CellRect{robot.x, robot.y, 1, 1}.grown(f.far_um / frame.cell_um() + 1);
   }
+  CellRect box{};
+  for (const std::int32_t ahead : {f.near_um, f.far_um}) {
+    const auto half =
+        static_cast<std::int32_t>((std::int64_t{f.slope_q16} * ahead) >> 16) + f.offset_um;
+    box = box.united(frame.cell_at(transform(pose, ahead, half)));
+    box = box.united(frame.cell_at(transform(pose, ahead, -half)));
+  }
+  return box.grown(1);
 }
 
 }  // namespace
@@ -111,70 +107,82 @@ void ScanFusion::update_occupancy(ExplorationMap& map, const Pose& pose, const S
     bool hit = false;
     if (point.echo == Echo::kNothing) continue;
     const Cell end = end_of(point, hit);
-    for_each_cell_before(robot, end, [&](Cell c) {
-      if (!frame.contains(c)) return;
-      if (map.layers().flags[frame.index_of(c)] & cell_flag::kHitThisScan) return;
-      map.add_evidence(c, occupancy::kMiss);
-    });
+    map.add_misses_on_line(robot, end);
     if (hit) map.add_evidence(end, occupancy::kHit);
   }
   map.clear_flag(hits, cell_flag::kHitThisScan);
 }
 
-ViewStatistics ScanFusion::update_visits(ExplorationMap& map, const Pose& pose) {
-  const GridFrame& frame = map.frame();
+// Whether the floor at (ahead, left), both in um in the robot's frame, lies in the footprint and in
+// sight.
+bool ScanFusion::sees(std::int32_t ahead, std::int32_t left, std::int32_t surface_units) const {
   const VisitFootprint& f = config_.footprint;
   const bool trapezoid = f.kind == VisitFootprint::Kind::kTrapezoid;
-  const std::int32_t reach_um =
-      trapezoid
-          ? f.far_um + static_cast<std::int32_t>((std::int64_t{f.slope_q16} * f.far_um) >> 16) +
-                f.offset_um
-          : f.far_um;
-  const Cell robot = frame.cell_at(pose.position);
-  const CellRect box = CellRect{robot.x, robot.y, 1, 1}
-                           .grown(reach_um / frame.cell_um() + 1)
-                           .intersection(frame.window());
+  if (trapezoid) {
+    if (ahead < f.near_um || ahead > f.far_um) return false;
+    const std::int64_t half = ((std::int64_t{f.slope_q16} * ahead) >> 16) + f.offset_um;
+    if (left > half || left < -half) return false;
+  }
+  const std::int32_t ahead_units = ahead >> kUnitShift, left_units = left >> kUnitShift;
+  const std::int32_t distance2 = ahead_units * ahead_units + left_units * left_units;
+  const std::int32_t far_units = f.far_um >> kUnitShift;
+  if (!trapezoid && distance2 > far_units * far_units) return false;
+  const BinaryAngle bearing = atan2_binary(left_units, ahead_units);
+  if (!trapezoid && std::abs(int{bearing.signed_raw()}) > f.half_angle) return false;
+  const std::int32_t range = profile_.range_units(bearing);
+  const std::int32_t limit = profile_.ends_on_obstacle(bearing) ? range + surface_units : range;
+  return range != 0 && distance2 <= limit * limit;
+}
+
+ViewStatistics ScanFusion::update_visits(ExplorationMap& map, const Pose& pose) {
+  const GridFrame& frame = map.frame();
+  const CellRect box = footprint_box(config_.footprint, frame, pose).intersection(frame.window());
   action_rect_ = action_rect_.united(box);
   const std::int64_t c = cos_q30(pose.heading), s = sin_q30(pose.heading);
+  const std::int64_t step_ahead = c * frame.cell_um(), step_left = -s * frame.cell_um();
   // A cell on an obstacle's surface lies a little behind the end of the beam.
-  const std::int32_t surface = (frame.cell_um() * 3 / 4) >> kUnitShift;
-  const std::int32_t far_units = f.far_um >> kUnitShift;
+  const std::int32_t surface_units = (frame.cell_um() * 3 / 4) >> kUnitShift;
+  CellRect counted{};
   ViewStatistics seen;
   for (std::int32_t y = box.y; y < box.top(); ++y) {
-    for (std::int32_t x = box.x; x < box.right(); ++x) {
-      const Point p = frame.center_of({x, y});
-      const std::int64_t dx = std::int64_t{p.x_um} - pose.position.x_um;
-      const std::int64_t dy = std::int64_t{p.y_um} - pose.position.y_um;
-      const auto ahead = static_cast<std::int32_t>((dx * c + dy * s) >> 30);
-      const auto left = static_cast<std::int32_t>((dy * c - dx * s) >> 30);
-      if (trapezoid) {
-        if (ahead < f.near_um || ahead > f.far_um) continue;
-        const std::int64_t half = ((std::int64_t{f.slope_q16} * ahead) >> 16) + f.offset_um;
-        if (left > half || left < -half) continue;
-      }
-      const std::int32_t ahead_units = ahead >> kUnitShift, left_units = left >> kUnitShift;
-      const std::int32_t distance2 = ahead_units * ahead_units + left_units * left_units;
-      if (!trapezoid && distance2 > far_units * far_units) continue;
-      const BinaryAngle bearing = atan2_binary(left_units, ahead_units);
-      if (!trapezoid && std::abs(int{bearing.signed_raw()}) > f.half_angle) continue;
-      const std::int32_t range = profile_.range_units(bearing);
-      const std::int32_t limit = profile_.ends_on_obstacle(bearing) ? range + surface : range;
-      if (range == 0 || distance2 > limit * limit) continue;
-      const std::size_t i = frame.index_of({x, y});
-      std::uint8_t& flags = map.layers().flags[i];
-      if (flags & cell_flag::kSeenThisAction) continue;
-      flags = flags | cell_flag::kSeenThisAction;
-      const unsigned before = map.visits({x, y});
-      if (before == 0) {
-        ++seen.newly_seen_cells;
-      } else {
-        ++seen.re_seen_cells;
-        seen.re_seen_penalty_q12 += visit_penalty_q12(before);
-      }
-      map.count_visit({x, y});
+    const Point first = frame.center_of({box.x, y});
+    const std::int64_t dx = std::int64_t{first.x_um} - pose.position.x_um;
+    const std::int64_t dy = std::int64_t{first.y_um} - pose.position.y_um;
+    std::int64_t ahead_q30 = dx * c + dy * s, left_q30 = dy * c - dx * s;
+    std::size_t i = frame.index_of({box.x, y});
+    std::int32_t leftmost = box.right(), rightmost = box.x - 1;
+    for (std::int32_t x = box.x; x < box.right(); ++x, ++i) {
+      const auto ahead = static_cast<std::int32_t>(ahead_q30 >> 30);
+      const auto left = static_cast<std::int32_t>(left_q30 >> 30);
+      ahead_q30 += step_ahead;
+      left_q30 += step_left;
+      if (!sees(ahead, left, surface_units)) continue;
+      if (!count_once(map, i, seen)) continue;
+      leftmost = std::min(leftmost, x);
+      rightmost = x;
+    }
+    if (rightmost >= leftmost) {
+      counted = counted.united(CellRect{leftmost, y, rightmost - leftmost + 1, 1});
     }
   }
+  map.note_visits(counted);
   return seen;
+}
+
+bool ScanFusion::count_once(ExplorationMap& map, std::size_t index, ViewStatistics& seen) {
+  const MapLayers& layers = map.layers();
+  std::uint8_t& flags = layers.flags[index];
+  if (flags & cell_flag::kSeenThisAction) return false;
+  flags = flags | cell_flag::kSeenThisAction;
+  const unsigned before = layers.own_visits[index] + unsigned{layers.peer_visits[index]};
+  if (before == 0) {
+    ++seen.newly_seen_cells;
+  } else {
+    ++seen.re_seen_cells;
+    seen.re_seen_penalty_q12 += visit_penalty_q12(before);
+  }
+  map.count_visit_at(index);
+  return true;
 }
 
 }  // namespace ivfm

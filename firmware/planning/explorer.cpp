@@ -120,8 +120,13 @@ Cell Explorer::goal_in_block(std::int32_t policy_cell) const {
   return best;
 }
 
+// Everything known, with room to walk around what is known.
+CellRect Explorer::explored_region(const Pose& pose) const {
+  return map_.known_rect().united(robot_cell(pose)).grown(16);
+}
+
 Decision Explorer::select_global_goal(const Pose& pose) {
-  const CellRect everything = map_.frame().window();
+  const CellRect everything = explored_region(pose);
   paths_.compute(map_, robot_cell(pose), everything);
   Decision decision;
   // Frontiers that were tried in vain several times are given up, so this loop ends.
@@ -149,7 +154,7 @@ Decision Explorer::select_global_goal(const Pose& pose) {
 }
 
 Status Explorer::select_cell(const Pose& pose, Cell goal, Decision& out) {
-  paths_.compute(map_, robot_cell(pose), map_.frame().window());
+  paths_.compute(map_, robot_cell(pose), explored_region(pose));
   if (paths_.cost_at(map_, goal) == path::kUnreachable) return Status::kUnavailable;
   Decision decision;
   decision.kind = Decision::Kind::kGlobalGoal;

@@ -125,6 +125,7 @@ class Explorer {
 
  private:
   Cell robot_cell(const Pose& pose) const { return map_.frame().cell_at(pose.position); }
+  CellRect explored_region(const Pose& pose) const;
   Cell goal_in_block(std::int32_t policy_cell) const;
   Decision select_best(std::span<const std::int32_t> q_values);
   void give_up_frontier();
