@@ -43,14 +43,21 @@ enum class NmtState : std::uint8_t {
 
 // SDO abort codes, CiA 301 section 7.2.4.3.17.
 inline constexpr std::uint32_t kAbortToggle = 0x05030000;
+inline constexpr std::uint32_t kAbortTimeout = 0x05040000;
 inline constexpr std::uint32_t kAbortCommand =
     0x05040001;  // command specifier not valid or unknown
 inline constexpr std::uint32_t kAbortOutOfMemory = 0x05040005;
+inline constexpr std::uint32_t kAbortAccess = 0x06010000;  // unsupported access to an object
 inline constexpr std::uint32_t kAbortWriteOnly = 0x06010001;
+inline constexpr std::uint32_t kAbortReadOnly = 0x06010002;
 inline constexpr std::uint32_t kAbortNoObject = 0x06020000;
+inline constexpr std::uint32_t kAbortNotMappable = 0x06040041;
 inline constexpr std::uint32_t kAbortPdoLength = 0x06040042;
+inline constexpr std::uint32_t kAbortTooLong = 0x06070012;
 inline constexpr std::uint32_t kAbortTooShort = 0x06070013;
+inline constexpr std::uint32_t kAbortNoSubIndex = 0x06090011;
 inline constexpr std::uint32_t kAbortValueRange = 0x06090030;
+inline constexpr std::uint32_t kAbortDeviceState = 0x08000022;
 
 // An object dictionary address.
 struct ObjectKey {
