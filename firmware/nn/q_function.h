@@ -10,11 +10,19 @@
 
 namespace ivfm {
 
-// The two-channel i-VFM state, see state_encoder.h.
+// The two-channel i-VFM state, see state_encoder.h: the channels one after the other.
 struct LocalState {
   PolicyGrid grid;
-  std::array<std::uint16_t, kPolicyGridSize> ivfm;
-  std::array<std::uint16_t, kPolicyGridSize> path;
+  std::array<std::uint16_t, 2 * kPolicyGridSize> channels;
+
+  using Channel = std::span<std::uint16_t, kPolicyGridSize>;
+  using ConstChannel = std::span<const std::uint16_t, kPolicyGridSize>;
+  Channel ivfm() { return Channel(channels.data(), kPolicyGridSize); }
+  Channel path() { return Channel(channels.data() + kPolicyGridSize, kPolicyGridSize); }
+  ConstChannel ivfm() const { return ConstChannel(channels.data(), kPolicyGridSize); }
+  ConstChannel path() const {
+    return ConstChannel(channels.data() + kPolicyGridSize, kPolicyGridSize);
+  }
 };
 
 // The onboard int8 network, or a float reference on the host.

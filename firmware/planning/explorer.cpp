@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace ivfm {
 
@@ -49,13 +50,14 @@ void Explorer::observe(const Pose& pose) {
   // The arguments are this object's own spans and a validated pool: the encoders cannot refuse.
   (void)encode_ivfm(
       {frame, layers.own_visits, layers.peer_visits, layers.flags, cell_flag::kObstacle},
-      state_.grid, pose.position, config_.robot_radius_um, state_.ivfm);
+      state_.grid, pose.position, config_.robot_radius_um, state_.ivfm());
   (void)encode_path({frame, layers.path_cost, path::kStraight, path::kUnreachable}, state_.grid,
-                    state_.path);
+                    state_.path());
   const std::int64_t policy_cell_um = std::int64_t{frame.cell_um()} * config_.pool;
   const std::int64_t nearest = std::int64_t{config_.min_goal_distance_um} * 256 / policy_cell_um;
+  const LocalState::ConstChannel distance = std::as_const(state_).path();
   for (std::size_t i = 0; i < mask_.size(); ++i) {
-    mask_[i] = state_.path[i] != kPathUnreachable && state_.path[i] >= nearest;
+    mask_[i] = distance[i] != kPathUnreachable && distance[i] >= nearest;
   }
 }
 
@@ -91,7 +93,7 @@ Decision Explorer::select_best(std::span<const std::int32_t> q_values) {
 
 Status Explorer::select_local_goal(std::int32_t policy_cell, Decision& out) {
   if (policy_cell < 0 || policy_cell >= kPolicyGridSize) return Status::kInvalidArgument;
-  if (state_.path[static_cast<std::size_t>(policy_cell)] == kPathUnreachable) {
+  if (state_.path()[static_cast<std::size_t>(policy_cell)] == kPathUnreachable) {
     return Status::kUnavailable;
   }
   Decision decision;
