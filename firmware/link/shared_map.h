@@ -6,14 +6,9 @@
 
 #include "shared/geometry/grid_frame.h"
 #include "shared/status/status.h"
+#include "shared/wire/layer.h"
 
 namespace ivfm {
-
-// The layers that robots share.
-enum class Layer : std::uint8_t {
-  kVisits = 0,     // counts 0..255, saturating: actions in which the robot saw the cell
-  kObstacles = 1,  // 0 or 1: the robot holds the cell to be occupied
-};
 
 class SharedMap {
  public:

@@ -1,0 +1,94 @@
+// The bodies of the small messages: acknowledgement, hello, status, found, command (FORMAT.md).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "shared/geometry/grid_frame.h"
+#include "shared/status/status.h"
+#include "shared/wire/float16.h"
+
+namespace ivfm {
+
+// Every encode() returns the body's size; kFull: `out` is too small. Every decode_*() answers
+// kTruncated when bytes are missing, kCorrupt when there are too many or a field is impossible.
+
+// Which of the other side's datagrams have been taken over: `newest`, and newest - 1 - i for every
+// set bit i. Sent by the server once they are durable.
+struct Acknowledgement {
+  std::uint32_t epoch = 0;  // boot epoch of whoever sent the datagrams
+  std::uint32_t newest = 0;
+  std::uint64_t earlier = 0;
+  constexpr bool operator==(const Acknowledgement&) const = default;
+  constexpr bool covers(std::uint32_t sequence) const {
+    const std::uint32_t age = newest - sequence;
+    return age == 0 || (age <= 64 && ((earlier >> (age - 1)) & 1u) != 0);
+  }
+};
+inline constexpr std::size_t kAcknowledgementBytes = 16;
+Result<std::size_t> encode(const Acknowledgement& message, std::span<std::uint8_t> out);
+Result<Acknowledgement> decode_acknowledgement(std::span<const std::uint8_t> body);
+
+// A robot introduces itself: at every start, until acknowledged.
+struct Hello {
+  static constexpr std::size_t kMaxName = 24;
+  std::int32_t cell_um = 0;        // side of its map's cells, 1 .. 2^24 - 1
+  std::uint16_t window_width = 0;  // cells of its map window
+  std::uint16_t window_height = 0;
+  std::array<char, kMaxName> name_storage{};  // printable ASCII
+  std::uint8_t name_size = 0;
+  std::string_view name() const { return {name_storage.data(), name_size}; }
+  // Keeps at most kMaxName characters; what is not printable ASCII becomes '?'.
+  void set_name(std::string_view name);
+};
+Result<std::size_t> encode(const Hello& message, std::span<std::uint8_t> out);
+Result<Hello> decode_hello(std::span<const std::uint8_t> body);
+
+// What a robot is doing, for people to look at; sent now and then, never acknowledged.
+struct RobotStatus {
+  PackedPose pose;
+  std::uint8_t state = 0;  // the supervisor's state number
+  std::uint8_t fault = 0;  // the supervisor's reason, 0: none
+  Cell goal;               // 24-bit cell numbers; the robot's own cell when it has none
+  std::uint32_t uptime_ms = 0;
+  std::uint32_t actions = 0;      // decisions taken
+  std::uint32_t distance_mm = 0;  // driven
+  std::uint32_t decision_us = 0;  // time of the last decision
+  std::uint32_t datagrams_sent = 0;
+  std::uint32_t retransmissions = 0;
+  constexpr bool operator==(const RobotStatus&) const = default;
+};
+inline constexpr std::size_t kRobotStatusBytes = 38;
+Result<std::size_t> encode(const RobotStatus& message, std::span<std::uint8_t> out);
+Result<RobotStatus> decode_robot_status(std::span<const std::uint8_t> body);
+
+// A robot saw the target: until acknowledged.
+struct FoundReport {
+  PackedPose pose;
+  Point target;  // in the map frame
+  constexpr bool operator==(const FoundReport&) const = default;
+};
+inline constexpr std::size_t kFoundReportBytes = 14;
+Result<std::size_t> encode(const FoundReport& message, std::span<std::uint8_t> out);
+Result<FoundReport> decode_found_report(std::span<const std::uint8_t> body);
+
+// What the server asks of a robot; the one with the highest revision counts, others are old.
+enum class CommandCode : std::uint8_t {
+  kStart = 1,   // explore
+  kStop = 2,    // stand still
+  kReturn = 3,  // drive back to the start
+  kFound = 4,   // another robot found the target: the search is over
+};
+struct Command {
+  CommandCode code = CommandCode::kStart;
+  std::uint32_t revision = 0;
+  constexpr bool operator==(const Command&) const = default;
+};
+inline constexpr std::size_t kCommandBytes = 5;
+Result<std::size_t> encode(const Command& message, std::span<std::uint8_t> out);
+Result<Command> decode_command(std::span<const std::uint8_t> body);
+
+}  // namespace ivfm
