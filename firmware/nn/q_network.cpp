@@ -1,0 +1,54 @@
+#include "firmware/nn/q_network.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace ivfm {
+
+ModelStatus QNetwork::load(std::span<const std::uint8_t> file) {
+  const ModelStatus status = load_model(file, model_);
+  has_model_ = ok(status.status);
+  return status;
+}
+
+std::span<const std::int32_t> QNetwork::run(std::span<const std::uint16_t> state) {
+  if (!has_model_ || state.size() != std::size_t{model_.input_channels} * kPolicyGridSize)
+    return {};
+  quantize_state(state);
+  for (std::size_t i = 0; i < model_.layer_count; ++i) run_layer(model_.layers[i]);
+  return values_;
+}
+
+void QNetwork::quantize_state(std::span<const std::uint16_t> state) {
+  const auto stored = static_cast<std::size_t>(model_.tensors[0].stored_channels());
+  std::int8_t* input = tensor(0);
+  std::memset(input, 0, model_.tensors[0].bytes());
+  for (std::size_t c = 0; c < model_.input_channels; ++c) {
+    const InputChannelView channel = model_.inputs[c];
+    const std::uint16_t* values = state.data() + c * kPolicyGridSize;
+    const std::int32_t half = 1 << (channel.shift - 1);
+    for (std::size_t i = 0; i < kPolicyGridSize; ++i) {
+      const std::int32_t scaled =
+          ((values[i] - channel.offset) * channel.multiplier + half) >> channel.shift;
+      input[i * stored + c] = static_cast<std::int8_t>(std::clamp(scaled, 0, 127));
+    }
+  }
+}
+
+void QNetwork::run_layer(const LayerView& layer) {
+  const TensorView& in_shape = model_.tensors[layer.input_a];
+  const std::int8_t* in = tensor(layer.input_a);
+  if (layer.raw) return kernels_->head(layer, in_shape, in, values_.data());
+  std::int8_t* out = tensor(layer.output);
+  switch (layer.kind) {
+    case LayerKind::kConv3x3:
+    case LayerKind::kConv1x1:
+      return kernels_->convolve(layer, in_shape, in, out,
+                                arena_.data() + (model_.arena_bytes + 63) / 64 * 64);
+    case LayerKind::kUpsample2x: return kernels_->upsample(in_shape, in, out);
+    case LayerKind::kAdd:
+      return kernels_->add(layer, in_shape.bytes(), in, tensor(layer.input_b), out);
+  }
+}
+
+}  // namespace ivfm

@@ -1,0 +1,45 @@
+// The Q-network: state in, one value a policy cell out, in fixed memory and integers only.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "firmware/nn/kernels.h"
+#include "firmware/nn/model_view.h"
+#include "firmware/nn/state_encoder.h"
+
+namespace ivfm {
+
+class QNetwork {
+ public:
+  // `kernels` only changes how fast it is.
+  explicit QNetwork(const KernelSet& kernels = fast_kernels()) : kernels_(&kernels) {}
+
+  // Takes over `file`, which must outlive the network or the next load(). Codes as load_model();
+  // after a failure there is no model.
+  ModelStatus load(std::span<const std::uint8_t> file);
+  bool has_model() const { return has_model_; }
+  // Requires has_model().
+  const ModelView& model() const { return model_; }
+
+  // The values of the 1024 policy cells, accumulators of the head: larger is better, and
+  // Q = value * model().output_scale. `state`: the channels one after the other, as the encoder
+  // writes them. Valid until the next call. Empty without a model or with a wrong size.
+  std::span<const std::int32_t> run(std::span<const std::uint16_t> state);
+
+  const char* kernel_name() const { return kernels_->name; }
+
+ private:
+  std::int8_t* tensor(std::size_t index) { return arena_.data() + model_.tensors[index].offset; }
+  void quantize_state(std::span<const std::uint16_t> state);
+  void run_layer(const LayerView& layer);
+
+  const KernelSet* kernels_;
+  bool has_model_ = false;
+  ModelView model_;
+  alignas(64) std::array<std::int8_t, kArenaBytes> arena_;
+  std::array<std::int32_t, kPolicyGridSize> values_;
+};
+
+}  // namespace ivfm

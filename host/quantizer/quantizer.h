@@ -1,0 +1,51 @@
+// Post-training quantization: a float network and example states in, the firmware's model file out.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "host/quantizer/float_network.h"
+
+namespace ivfm::host {
+
+// How an activation's scale follows from its values over the example states.
+enum class Calibration {
+  kLeastSquares,  // the clipping that minimizes the squared rounding and clipping error
+  kMaximum,       // nothing is clipped
+};
+
+struct QuantizeOptions {
+  Calibration calibration = Calibration::kLeastSquares;
+};
+
+// Quantizes to int8: weights symmetric per output channel, activations symmetric per tensor.
+// `states`: example states one after the other (each: channels * 1024 values), a few hundred of the
+// kind that the network will meet. Throws std::invalid_argument when the network or the states do
+// not fit, and std::runtime_error with the limit that the model would exceed.
+std::vector<std::uint8_t> quantize(const FloatNetwork& network,
+                                   std::span<const std::uint16_t> states,
+                                   const QuantizeOptions& options = {});
+
+// How close a model file comes to its float network on `states`.
+struct QuantizationReport {
+  std::size_t states = 0;
+  double correlation = 0;  // of all values of a state, mean over the states
+  double same_best = 0;    // share of states whose best policy cell is the same
+  double near_best = 0;    // or whose float value is within 1 % of the spread of float values
+  double worst_loss = 0;   // largest loss of float value by the int8 choice, share of the spread
+};
+// Throws as quantize(), and std::runtime_error when the firmware refuses `model`.
+QuantizationReport compare(const FloatNetwork& network, std::span<const std::uint8_t> model,
+                           std::span<const std::uint16_t> states);
+
+// Made-up states for tests and benchmarks: rooms, visited strips, distances. Same layout as above.
+std::vector<std::uint16_t> make_example_states(std::uint64_t seed, int count,
+                                               StateKind kind = StateKind::kIvfm);
+
+// Reads a whole file. Throws std::runtime_error with the path.
+std::vector<std::uint8_t> read_model_file(const std::filesystem::path& path);
+
+}  // namespace ivfm::host
