@@ -186,6 +186,19 @@ void Explorer::review_last_goal(const Pose& pose) {
   if (distance <= stand_off_cells()) give_up_frontier();
 }
 
+bool Explorer::goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const {
+  if (last_.kind == Decision::Kind::kGlobalGoal && !is_frontier(map_, last_frontier_)) return false;
+  const std::span<const Point> waypoints = path_.points();
+  Cell from = robot_cell(pose);
+  const std::int32_t leave = stand_off_cells();  // the robot may stand near an obstacle already
+  for (std::size_t i = next_waypoint; i < waypoints.size(); ++i) {
+    const Cell to = map_.frame().cell_at(waypoints[i]);
+    if (line_is_blocked(map_, from, to, i == next_waypoint ? leave : 0)) return false;
+    from = to;
+  }
+  return true;
+}
+
 void Explorer::abandon_goal() {
   if (last_.kind == Decision::Kind::kGlobalGoal) give_up_frontier();
   if (last_.kind == Decision::Kind::kLocalGoal) idle_actions_ = config_.max_idle_actions;

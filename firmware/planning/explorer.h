@@ -106,6 +106,9 @@ class Explorer {
   Decision select_global_goal(const Pose& pose);
   // Any map cell as a goal; computes the shortest path map of the whole map. kUnavailable as above.
   Status select_cell(const Pose& pose, Cell goal, Decision& out);
+  // Whether the last decision still makes sense: its way is not blocked by what has been seen since,
+  // counted from waypoint `next_waypoint` on, and a frontier it was made for is still one.
+  bool goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const;
   // The last goal could not be reached (blocked, stuck): global goals near it are given up.
   void abandon_goal();
 

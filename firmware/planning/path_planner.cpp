@@ -2,18 +2,31 @@
 
 #include <cstdlib>
 
+#include "shared/geometry/integer_sqrt.h"
+
 namespace ivfm {
 
 namespace {
 
-// Integer square root, rounded down.
-constexpr std::int64_t square_root(std::int64_t value) {
-  std::int64_t root = 0;
-  for (std::int64_t bit = std::int64_t{1} << 31; bit != 0; bit >>= 1) {
-    const std::int64_t candidate = root + bit;
-    if (candidate * candidate <= value) root = candidate;
+// Whether `holds` is true of every cell on the straight line from `a` to `b` (Bresenham).
+template <typename Predicate>
+bool every_cell_on_line(Cell a, Cell b, Predicate holds) {
+  const std::int32_t dx = std::abs(b.x - a.x), dy = std::abs(b.y - a.y);
+  const std::int32_t sx = a.x < b.x ? 1 : -1, sy = a.y < b.y ? 1 : -1;
+  std::int32_t error = dx - dy;
+  while (holds(a)) {
+    if (a == b) return true;
+    const std::int32_t twice = 2 * error;
+    if (twice > -dy) {
+      error -= dy;
+      a.x += sx;
+    }
+    if (twice < dx) {
+      error += dx;
+      a.y += sy;
+    }
   }
-  return root;
+  return false;
 }
 
 // The neighbour from which `c` is reached most cheaply; `c` itself when there is none.
@@ -46,31 +59,20 @@ void WaypointPath::push_front(Point p) {
 std::int64_t WaypointPath::length_um(Point start) const {
   std::int64_t length = 0;
   for (const Point& p : points()) {
-    length += square_root(squared_distance_um2(start, p));
+    length += integer_sqrt(static_cast<std::uint64_t>(squared_distance_um2(start, p)));
     start = p;
   }
   return length;
 }
 
 bool line_is_traversable(const ExplorationMap& map, const ShortestPathMap& paths, Cell a, Cell b) {
-  const std::int32_t dx = std::abs(b.x - a.x), dy = std::abs(b.y - a.y);
-  const std::int32_t sx = a.x < b.x ? 1 : -1, sy = a.y < b.y ? 1 : -1;
-  std::int32_t error = dx - dy;
   // Diagonal steps may cut corners, as in the shortest path map: obstacles are inflated.
-  while (!(a == b)) {
-    if (paths.cost_at(map, a) == path::kUnreachable) return false;
-    const std::int32_t twice = 2 * error;
-    const bool step_x = twice > -dy, step_y = twice < dx;
-    if (step_x) {
-      error -= dy;
-      a.x += sx;
-    }
-    if (step_y) {
-      error += dx;
-      a.y += sy;
-    }
-  }
-  return paths.cost_at(map, b) != path::kUnreachable;
+  return every_cell_on_line(
+      a, b, [&](Cell c) { return paths.cost_at(map, c) != path::kUnreachable; });
+}
+
+bool line_is_blocked(const ExplorationMap& map, Cell a, Cell b, std::int32_t leave) {
+  return !every_cell_on_line(a, b, [&](Cell c) { return leave-- > 0 || !map.is_blocked(c); });
 }
 
 Status plan_path(const ExplorationMap& map, const ShortestPathMap& paths, Cell goal,

@@ -35,6 +35,10 @@ class WaypointPath {
 // Whether the straight line of cells from `a` to `b` is traversable.
 bool line_is_traversable(const ExplorationMap& map, const ShortestPathMap& paths, Cell a, Cell b);
 
+// Whether a known obstacle has come into the way of a robot driving the straight line of cells from
+// `a` to `b`; the first `leave` cells do not count.
+bool line_is_blocked(const ExplorationMap& map, Cell a, Cell b, std::int32_t leave);
+
 // Fills `out` with the waypoints from the robot (where the shortest path map was computed) to
 // `goal`. kUnavailable: the goal is out of reach.
 Status plan_path(const ExplorationMap& map, const ShortestPathMap& paths, Cell goal,

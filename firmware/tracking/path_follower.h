@@ -49,6 +49,8 @@ class PathFollower {
   FollowStep step(const Pose& pose, const Velocity& commanded, TimeUs now_us);
 
   bool active() const { return !waypoints_.empty(); }
+  // Index of the waypoint it drives to. Requires active().
+  std::size_t next_waypoint() const { return next_; }
 
  private:
   void skip_reached_waypoints(Point position, TimeUs now_us);
