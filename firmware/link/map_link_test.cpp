@@ -1,0 +1,475 @@
+#include "firmware/link/map_link.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "firmware/hal/fake/fake_datagram.h"
+
+namespace ivfm {
+namespace {
+
+constexpr TimeUs kSecond = 1000000;
+constexpr TimeUs kTick = 50000;
+
+// A robot's map for tests: a small window with its own cells and what the others saw.
+class TestMap final : public SharedMap {
+ public:
+  explicit TestMap(const CellRect& window) : frame_(50000, window) {
+    for (auto& layer : own_) layer.resize(frame_.size());
+    for (auto& layer : peers_) layer.resize(frame_.size());
+  }
+  Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const override {
+    if (!frame_.window().contains(rect)) return Status::kOutOfRange;
+    std::size_t i = 0;
+    for_each(rect, [&](Cell c) { out[i++] = own_[at(layer)][frame_.index_of(c)]; });
+    return Status::kOk;
+  }
+  Status write_peers(Layer layer, const CellRect& rect,
+                     std::span<const std::uint8_t> cells) override {
+    std::size_t i = 0;
+    for_each(rect, [&](Cell c) {
+      if (frame_.contains(c)) peers_[at(layer)][frame_.index_of(c)] = cells[i];
+      ++i;
+    });
+    return Status::kOk;
+  }
+  std::uint8_t& own(Layer layer, Cell c) { return own_[at(layer)][frame_.index_of(c)]; }
+  std::uint8_t peers(Layer layer, Cell c) const { return peers_[at(layer)][frame_.index_of(c)]; }
+  const CellRect& window() const { return frame_.window(); }
+
+  template <typename Visit>
+  static void for_each(const CellRect& rect, Visit visit) {
+    for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+      for (std::int32_t x = rect.x; x < rect.right(); ++x) visit(Cell{x, y});
+    }
+  }
+
+ private:
+  static std::size_t at(Layer layer) { return static_cast<std::size_t>(layer); }
+  GridFrame frame_;
+  std::array<std::vector<std::uint8_t>, kLayerCount> own_, peers_;
+};
+
+// What the real server does, in its simplest form: merge, acknowledge, send one map update.
+class ServerModel {
+ public:
+  ServerModel(DatagramSocket& socket, std::uint32_t epoch) : socket_(socket), epoch_(epoch) {}
+
+  void step() {
+    std::array<std::uint8_t, kMaxDatagramBytes> buffer;
+    while (true) {
+      const auto size = socket_.receive(buffer);
+      if (!size.ok()) break;
+      const auto opened = open_datagram(std::span(buffer).first(*size));
+      if (opened.ok()) take(opened->header, opened->body);
+    }
+  }
+  void send_command(CommandCode code, std::uint32_t revision) {
+    send(MessageKind::kCommand, *encode(Command{code, revision}, body_of(out_)));
+  }
+  std::uint32_t send_region(Layer layer, const CellRect& rect, std::vector<std::uint8_t> cells,
+                            std::int32_t cell_um = 50000) {
+    MapUpdateWriter writer(body_of(out_), cell_um, {});
+    EXPECT_EQ(writer.add(layer, rect, cells), Status::kOk);
+    return send(MessageKind::kServerMapUpdate, writer.size());
+  }
+  std::uint8_t value(Layer layer, Cell c) const {
+    const auto it = cells_.find({layer, c.x, c.y});
+    return it == cells_.end() ? std::uint8_t{0} : it->second.second;
+  }
+  void start_again(std::uint32_t epoch) {
+    epoch_ = epoch;
+    sequence_ = 0;
+  }
+
+  std::map<MessageKind, int> received;
+  Acknowledgement last_acknowledgement;
+  FoundReport found;
+  RobotStatus status;
+
+ private:
+  void take(const DatagramHeader& header, std::span<const std::uint8_t> body) {
+    ++received[header.kind];
+    if (header.kind == MessageKind::kAcknowledgement) {
+      last_acknowledgement = *decode_acknowledgement(body);
+      return;
+    }
+    if (header.kind == MessageKind::kStatus) {
+      status = *decode_robot_status(body);
+      return;
+    }
+    if (header.kind == MessageKind::kFound) found = *decode_found_report(body);
+    if (header.kind == MessageKind::kMapUpdate) merge(header.sequence, body);
+    send(MessageKind::kServerAcknowledgement,
+         *encode(Acknowledgement{header.epoch, header.sequence, 0}, body_of(out_)));
+  }
+  void merge(std::uint32_t sequence, std::span<const std::uint8_t> body) {
+    std::array<std::uint8_t, kMaxBlockCells> buffer;
+    MapUpdateReader reader(body);
+    while (true) {
+      const auto region = reader.next(buffer);
+      if (!region.ok()) {
+        EXPECT_EQ(region.status(), Status::kEmpty);
+        return;
+      }
+      std::size_t i = 0;
+      TestMap::for_each(region->rect, [&](Cell c) {
+        auto& [newest, value] = cells_[{region->layer, c.x, c.y}];
+        const std::uint8_t sent = region->cells[i++];
+        if (region->layer == Layer::kVisits) {
+          value = std::max(value, sent);
+        } else if (sequence > newest) {
+          newest = sequence;
+          value = sent;
+        }
+      });
+    }
+  }
+  std::uint32_t send(MessageKind kind, std::size_t size) {
+    const DatagramHeader header{1, epoch_, ++sequence_, kind};
+    static_cast<void>(socket_.send(std::span(out_).first(*seal_datagram(header, size, out_))));
+    return sequence_;
+  }
+
+  DatagramSocket& socket_;
+  std::uint32_t epoch_;
+  std::uint32_t sequence_ = 0;
+  std::array<std::uint8_t, kMaxDatagramBytes> out_{};
+  std::map<std::tuple<Layer, int, int>, std::pair<std::uint32_t, std::uint8_t>> cells_;
+};
+
+class MapLinkTest : public testing::Test {
+ protected:
+  static MapLinkConfig config() {
+    MapLinkConfig config;
+    config.epoch = 9;
+    config.name = "r1";
+    return config;
+  }
+  // Lets both sides work for `duration_us`.
+  void run(TimeUs duration_us) {
+    for (const TimeUs end = now_ + duration_us; now_ < end; now_ += kTick) {
+      radio_.set_now(now_);
+      link_.step(now_, {});
+      server_.step();
+    }
+  }
+  void visit(const CellRect& rect) {
+    TestMap::for_each(rect, [&](Cell c) { ++map_.own(Layer::kVisits, c); });
+    link_.mark_dirty(Layer::kVisits, rect);
+  }
+  void expect_server_has_everything() {
+    for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
+      TestMap::for_each(map_.window(), [&](Cell c) {
+        ASSERT_EQ(server_.value(layer, c), map_.own(layer, c)) << c.x << ' ' << c.y;
+      });
+    }
+  }
+
+  TimeUs now_ = 5 * kSecond;
+  FakeRadio radio_{1};
+  TestMap map_{{-50, -40, 300, 90}};
+  MapLink link_{map_, radio_.robot(), config()};
+  ServerModel server_{radio_.server(), 100};
+};
+
+TEST_F(MapLinkTest, IntroducesItselfUntilAcknowledged) {
+  radio_.set_partitioned(true);
+  run(3 * kSecond);
+  EXPECT_FALSE(link_.all_acknowledged());
+  radio_.set_partitioned(false);
+  run(5 * kSecond);
+  EXPECT_EQ(server_.received[MessageKind::kHello], 1);
+  EXPECT_TRUE(link_.all_acknowledged());
+}
+
+TEST_F(MapLinkTest, MarkedCellsArriveAndAreAcknowledged) {
+  visit({-10, -5, 20, 10});
+  EXPECT_FALSE(link_.is_acknowledged(Layer::kVisits, {0, 0, 1, 1}));
+  run(kSecond);
+  expect_server_has_everything();
+  EXPECT_TRUE(link_.all_acknowledged());
+  EXPECT_TRUE(link_.is_acknowledged(Layer::kVisits, {0, 0, 1, 1}));
+  EXPECT_EQ(link_.counters().retransmissions, 0u);
+}
+
+TEST_F(MapLinkTest, UpdatesAreBatchedAndFlushSendsAtOnce) {
+  run(2 * kSecond);
+  visit({0, 0, 5, 5});
+  run(kTick);
+  visit({1, 0, 5, 5});
+  run(kSecond - 2 * kTick);
+  EXPECT_EQ(server_.received[MessageKind::kMapUpdate], 1);
+  link_.flush();
+  run(2 * kTick);
+  EXPECT_EQ(server_.received[MessageKind::kMapUpdate], 2);
+  expect_server_has_everything();
+}
+
+TEST_F(MapLinkTest, ACellThatChangesWhileOnItsWayIsSentAgain) {
+  run(kSecond);
+  visit({0, 0, 5, 5});
+  link_.flush();
+  radio_.set_now(now_);
+  link_.step(now_, {});  // on its way
+  visit({2, 2, 1, 1});
+  run(3 * kSecond);
+  EXPECT_EQ(server_.value(Layer::kVisits, {2, 2}), 2);
+  expect_server_has_everything();
+}
+
+TEST_F(MapLinkTest, ASilentServerIsAskedEverMoreSeldomAndNothingIsLost) {
+  run(kSecond);
+  radio_.set_partitioned(true);
+  const auto before = radio_.sent();
+  for (int i = 0; i < 100; ++i) {
+    visit({-50 + 2 * i, -40 + (i * 37) % 80, 9, 7});
+    run(kSecond);
+  }
+  // 100 status messages and a handful of attempts.
+  EXPECT_LT(radio_.sent() - before, 130u);
+  radio_.set_partitioned(false);
+  run(40 * kSecond);
+  EXPECT_TRUE(link_.all_acknowledged());
+  expect_server_has_everything();
+}
+
+TEST_F(MapLinkTest, AHugeRectangleOfNoiseIsSplitBelow1200Bytes) {
+  std::mt19937 random(3);
+  TestMap::for_each(map_.window(), [&](Cell c) {
+    map_.own(Layer::kVisits, c) = static_cast<std::uint8_t>(random() & 0xffu);
+    map_.own(Layer::kObstacles, c) = static_cast<std::uint8_t>(random() & 1u);
+  });
+  link_.mark_dirty(Layer::kVisits, map_.window());
+  link_.mark_dirty(Layer::kObstacles, map_.window());
+  run(10 * kSecond);
+  EXPECT_LT(radio_.largest_datagram(), 1200u);
+  expect_server_has_everything();
+  EXPECT_EQ(link_.counters().retransmissions, 0u);
+}
+
+TEST_F(MapLinkTest, WhatTheOthersSawIsWrittenAndAcknowledged) {
+  run(kSecond);
+  const auto sequence = server_.send_region(Layer::kVisits, {-50, -40, 2, 1}, {3, 4});
+  run(kSecond);
+  EXPECT_EQ(map_.peers(Layer::kVisits, {-50, -40}), 3);
+  EXPECT_EQ(map_.peers(Layer::kVisits, {-49, -40}), 4);
+  EXPECT_EQ(server_.last_acknowledgement.epoch, 100u);
+  EXPECT_TRUE(server_.last_acknowledgement.covers(sequence));
+}
+
+TEST_F(MapLinkTest, AnOlderUpdateNeverReplacesANewerOne) {
+  radio_.set_partitioned(true);
+  const auto old_sequence = server_.send_region(Layer::kObstacles, {0, 0, 1, 1}, {0});
+  radio_.set_partitioned(false);
+  const auto sequence = server_.send_region(Layer::kObstacles, {0, 0, 1, 1}, {1});
+  run(kSecond);
+  server_.start_again(100);  // counts from 1 in the same epoch: what a delayed datagram looks like
+  server_.send_region(Layer::kObstacles, {0, 0, 1, 1}, {0});
+  run(kSecond);
+  EXPECT_EQ(map_.peers(Layer::kObstacles, {0, 0}), 1);
+  EXPECT_TRUE(server_.last_acknowledgement.covers(sequence));
+  EXPECT_FALSE(server_.last_acknowledgement.covers(old_sequence));
+  EXPECT_EQ(link_.counters().dropped_stale, 1u);
+}
+
+TEST_F(MapLinkTest, ARestartedServerIsUnderstoodAndItsFormerSelfIgnored) {
+  server_.send_region(Layer::kVisits, {0, 0, 1, 1}, {1});
+  run(kSecond);
+  server_.start_again(101);
+  server_.send_region(Layer::kVisits, {0, 0, 1, 1}, {2});
+  run(kSecond);
+  EXPECT_EQ(map_.peers(Layer::kVisits, {0, 0}), 2);
+  server_.start_again(100);
+  server_.send_region(Layer::kVisits, {0, 0, 1, 1}, {9});
+  run(kSecond);
+  EXPECT_EQ(map_.peers(Layer::kVisits, {0, 0}), 2);
+}
+
+TEST_F(MapLinkTest, CellsOfAnotherSizeAreNotTaken) {
+  server_.send_region(Layer::kVisits, {0, 0, 1, 1}, {1}, 15625);
+  run(kSecond);
+  EXPECT_EQ(map_.peers(Layer::kVisits, {0, 0}), 0);
+  EXPECT_EQ(link_.counters().dropped_cell_size, 1u);
+}
+
+TEST_F(MapLinkTest, TheNewestCommandIsDeliveredOnce) {
+  EXPECT_FALSE(link_.take_command().has_value());
+  server_.send_command(CommandCode::kReturn, 2);
+  server_.send_command(CommandCode::kStart, 1);
+  server_.send_command(CommandCode::kReturn, 2);
+  run(kSecond);
+  EXPECT_EQ(link_.take_command(), CommandCode::kReturn);
+  EXPECT_FALSE(link_.take_command().has_value());
+  server_.send_command(CommandCode::kStop, 3);
+  run(kSecond);
+  EXPECT_EQ(link_.take_command(), CommandCode::kStop);
+}
+
+TEST_F(MapLinkTest, FoundIsReportedUntilAcknowledged) {
+  run(kSecond);
+  radio_.set_partitioned(true);
+  link_.report_found({1000, -2000});
+  run(kSecond);
+  radio_.set_partitioned(false);
+  run(5 * kSecond);
+  EXPECT_EQ(server_.received[MessageKind::kFound], 1);
+  EXPECT_EQ(server_.found.target, (Point{1000, -2000}));
+  EXPECT_TRUE(link_.all_acknowledged());
+}
+
+TEST_F(MapLinkTest, StatusCarriesWhatTheAgentSays) {
+  RobotStatus status;
+  status.state = 3;
+  status.goal = {5, -6};
+  link_.set_status(status);
+  run(3 * kSecond);
+  EXPECT_EQ(server_.received[MessageKind::kStatus], 3);
+  EXPECT_EQ(server_.status.state, 3);
+  EXPECT_EQ(server_.status.goal, (Cell{5, -6}));
+  EXPECT_GT(server_.status.datagrams_sent, 1u);
+}
+
+TEST_F(MapLinkTest, GarbageIsCountedAndChangesNothing) {
+  std::mt19937 random(4);
+  for (int i = 0; i < 2000; ++i) {
+    std::vector<std::uint8_t> bytes(random() % (kMaxDatagramBytes + 10));
+    for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random() & 0xffu);
+    static_cast<void>(radio_.server().send(bytes));
+    run(kTick);
+  }
+  EXPECT_EQ(link_.counters().dropped_malformed, 2000u);
+}
+
+TEST_F(MapLinkTest, DatagramsForOthersAndReflectedOnesAreDropped) {
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  const auto send = [&](const DatagramHeader& header) {
+    const auto size = encode(Command{CommandCode::kStop, 1}, body_of(out));
+    static_cast<void>(
+        radio_.server().send(std::span(out).first(*seal_datagram(header, *size, out))));
+  };
+  send({2, 100, 1, MessageKind::kCommand});
+  send({1, 100, 2, MessageKind::kMapUpdate});
+  run(kSecond);
+  EXPECT_FALSE(link_.take_command().has_value());
+  EXPECT_EQ(link_.counters().dropped_misdirected, 2u);
+}
+
+TEST_F(MapLinkTest, AFullSocketKeepsTheCellsDirty) {
+  run(kSecond);
+  radio_.set_send_status(Status::kFull);
+  visit({0, 0, 20, 20});
+  run(5 * kSecond);
+  EXPECT_FALSE(link_.all_acknowledged());
+  EXPECT_GT(link_.counters().send_failures, 0u);
+  radio_.set_send_status(Status::kOk);
+  run(kSecond);
+  EXPECT_TRUE(link_.all_acknowledged());
+  expect_server_has_everything();
+}
+
+TEST_F(MapLinkTest, AMissingRouteIsLikeASilentServer) {
+  radio_.set_send_status(Status::kUnavailable);
+  visit({0, 0, 20, 20});
+  run(5 * kSecond);
+  radio_.set_send_status(Status::kOk);
+  run(20 * kSecond);
+  EXPECT_TRUE(link_.all_acknowledged());
+  expect_server_has_everything();
+}
+
+TEST_F(MapLinkTest, WhatLeavesTheWindowIsGivenUpAndCounted) {
+  radio_.set_partitioned(true);
+  visit({-50, 0, 10, 1});
+  visit({100, 0, 10, 1});
+  run(kTick);  // on its way, to be lost
+  visit({-50, 10, 5, 1});
+  link_.clip({0, -40, 250, 90});
+  EXPECT_EQ(link_.counters().cells_lost, 5u);
+  run(3 * kSecond);
+  EXPECT_EQ(link_.counters().cells_lost, 15u);
+  radio_.set_partitioned(false);
+  run(20 * kSecond);
+  EXPECT_TRUE(link_.all_acknowledged());
+  EXPECT_EQ(server_.value(Layer::kVisits, {105, 0}), 1);
+}
+
+TEST(MapLinkRate, StaysBelowTheConfiguredRate) {
+  FakeRadio radio(1);
+  TestMap map({0, 0, 250, 250});
+  MapLinkConfig config;
+  config.bytes_per_second = 1000;
+  MapLink link(map, radio.robot(), config);
+  ServerModel server(radio.server(), 1);
+  std::mt19937 random(5);
+  TestMap::for_each(map.window(), [&](Cell c) {
+    map.own(Layer::kVisits, c) = static_cast<std::uint8_t>(random() & 0xffu);
+  });
+  link.mark_dirty(Layer::kVisits, map.window());
+  for (TimeUs now = 0; now < 60 * kSecond; now += kTick) {
+    radio.set_now(now);
+    link.step(now, {});
+    server.step();
+  }
+  EXPECT_LT(link.counters().bytes_sent, 64000u);
+  EXPECT_GT(link.counters().bytes_sent, 52000u);
+  for (TimeUs now = 60 * kSecond; now < 120 * kSecond; now += kTick) {
+    radio.set_now(now);
+    link.step(now, {});
+    server.step();
+  }
+  EXPECT_TRUE(link.all_acknowledged());
+}
+
+TEST(MapLinkProperty, AfterTheRadioIsBackTheServersMapIsTheRobots) {
+  for (std::uint32_t seed = 0; seed < 60; ++seed) {
+    std::mt19937 random(seed);
+    FakeRadio radio(seed + 1000, {300, 100, 50, 50, 400000});
+    TestMap map({-60, -60, 120, 120});
+    MapLinkConfig config;
+    config.batch_period_us = 200000 + random() % 1000000;
+    MapLink link(map, radio.robot(), config);
+    ServerModel server(radio.server(), 1);
+    const TimeUs faulty_until = 40 * kSecond;
+    TimeUs now = 1;
+    for (; now < faulty_until || (!link.all_acknowledged() && now < 300 * kSecond); now += kTick) {
+      radio.set_now(now);
+      radio.set_partitioned(now < faulty_until && (now / (5 * kSecond)) % 3 == seed % 3);
+      if (now >= faulty_until) radio.set_faults({});
+      if (now < faulty_until && random() % 3 == 0) {
+        const Layer layer = random() % 2 ? Layer::kVisits : Layer::kObstacles;
+        const CellRect rect{static_cast<std::int32_t>(random() % 100) - 60,
+                            static_cast<std::int32_t>(random() % 100) - 60,
+                            static_cast<std::int32_t>(1 + random() % 20),
+                            static_cast<std::int32_t>(1 + random() % 20)};
+        TestMap::for_each(rect, [&](Cell c) {
+          std::uint8_t& value = map.own(layer, c);
+          if (layer == Layer::kObstacles) {
+            value = static_cast<std::uint8_t>(random() & 1u);
+          } else if (value < 255) {
+            ++value;
+          }
+        });
+        link.mark_dirty(layer, rect);
+      }
+      link.step(now, {});
+      server.step();
+    }
+    ASSERT_TRUE(link.all_acknowledged()) << "seed " << seed;
+    for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
+      TestMap::for_each(map.window(), [&](Cell c) {
+        ASSERT_EQ(server.value(layer, c), map.own(layer, c)) << "seed " << seed;
+      });
+    }
+  }
+}
+
+TEST(MapLinkMemory, FitsTheMicrocontroller) { EXPECT_LE(sizeof(MapLink), 12u * 1024u); }
+
+}  // namespace
+}  // namespace ivfm
