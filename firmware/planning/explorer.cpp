@@ -42,7 +42,7 @@ std::int32_t Explorer::stand_off_cells() const {
 
 void Explorer::observe(const Pose& pose) {
   const Cell robot = robot_cell(pose);
-  if (map_.roll_to(robot)) paths_.forget();
+  if (config_.rolling_window && map_.roll_to(robot)) paths_.forget();
   const GridFrame& frame = map_.frame();
   state_.grid = PolicyGrid::centred_on(robot, config_.pool);
   paths_.compute(map_, robot, state_.grid.window());

@@ -30,6 +30,8 @@ struct ExplorerConfig {
   std::int32_t max_idle_actions = 2;
   std::uint32_t min_gain_cells = 4;
   bool return_to_start = false;
+  // False: the window stays where start() put it (worlds that fit into it, the paper's arenas).
+  bool rolling_window = true;
 
   // The paper's arenas (method.md): camera footprint, 1 m local map, robot radius 0.064 m.
   static constexpr ExplorerConfig paper() {
@@ -38,6 +40,7 @@ struct ExplorerConfig {
     c.robot_radius_um = 64'000;
     c.min_goal_distance_um = 70'000;
     c.pool = 2;
+    c.rolling_window = false;
     return c;
   }
   // A robot with a lidar: visits count within `visit_range_um`; the local map is about four visit

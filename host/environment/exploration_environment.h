@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "firmware/agent/profile.h"
 #include "firmware/lidar/scan.h"
 #include "firmware/planning/explorer.h"
 #include "host/environment/scenario.h"
@@ -21,8 +22,9 @@ enum class SensorModel : std::uint8_t {
 struct EnvironmentConfig {
   ExplorerConfig explorer;
   std::int32_t cell_um = 0;       // of the robots' maps
-  std::int32_t window_cells = 0;  // side of the robots' maps
-  std::size_t bucket_capacity = 0;
+  std::int32_t window_cells = 0;  // side of the robots' maps; 0: as large as the world needs
+  std::int32_t body_radius_um =
+      0;  // what touches obstacles; explorer.robot_radius_um is planned with
 
   SensorModel sensor = SensorModel::kLidar;
   std::int32_t sensor_range_um = 0;          // lidar: beams end here
@@ -36,20 +38,22 @@ struct EnvironmentConfig {
   bool count_last_view = true;        // whether an action's last view counts as a visit
   bool count_first_view = true;       // whether the view before the first action counts
   bool stop_when_blocked = false;     // an action ends when a view shows its path is blocked
-  bool walls_known = false;           // the world's border is on the maps from the start
+  // The lidar that looks all the time stops the robot before it touches anything: the action is
+  // blocked, not a collision.
+  bool stops_before_contact = false;
+  bool walls_known = false;  // the world's border is on the maps from the start
 
   std::int32_t max_actions_per_agent = 800;
   // Without a target the episode ends when this share of the explorable area is seen.
   double until_coverage = 0.99;
-  // Free area counts as explorable where the robot's disc can get; else all connected free area.
+  // Explorable is what a disc that the planner lets through can sweep; else all connected free
+  // area.
   bool explorable_by_disc = false;
 
   // The paper's arenas, with the accounting of its released code (method.md).
   static EnvironmentConfig arena();
-  // Buildings: a lidar of limited range, RobotProfile's cells. `window_cells`: side of the robots'
-  // maps; smaller is faster, the map must cover the world unless forgetting is wanted.
-  static EnvironmentConfig building(std::int32_t sensor_range_um = 3'000'000,
-                                    std::int32_t window_cells = 1536);
+  // Buildings: a 360 degree lidar of limited range, RobotProfile's cells.
+  static EnvironmentConfig building(std::int32_t sensor_range_um = 3'000'000);
 };
 
 // What one action did.
@@ -95,10 +99,14 @@ struct EpisodeTotals {
 // An Explorer whose memory is sized at run time. Copyable.
 class HeapExplorer {
  public:
-  explicit HeapExplorer(const EnvironmentConfig& config);
+  HeapExplorer(const ExplorerConfig& config, std::int32_t cell_um, std::int32_t window_cells);
   HeapExplorer(const HeapExplorer& other);
   HeapExplorer& operator=(const HeapExplorer& other);
+  HeapExplorer(HeapExplorer&&) noexcept;
+  HeapExplorer& operator=(HeapExplorer&&) noexcept;
   ~HeapExplorer();
+
+  std::int32_t window_cells() const;
 
   Explorer& get();
   const Explorer& get() const;
@@ -171,36 +179,45 @@ class ExplorationEnvironment {
     Pose pose;
     std::vector<std::uint8_t> visits;     // own, over extent_
     std::vector<std::uint8_t> obstacles;  // own, over extent_
+    CellRect body;                        // where the others hold this robot to be
+    bool has_nothing_to_do = false;
   };
   struct Motion;
 
-  void take_view(Agent& agent, bool count_visits, StepResult& result);
-  void drive(Agent& agent, StepResult& result);
-  bool turn_towards(Motion& motion, Point goal);
-  bool drive_straight(Motion& motion, Point goal, std::int32_t stop_short_um);
-  bool spend_steps(Motion& motion, std::int32_t steps);
-  StepResult act(int agent, bool has_goal);
-  double free_travel_um(const Agent& agent, Point to) const;
-  bool path_is_blocked(const Agent& agent, std::size_t next_waypoint) const;
-  bool target_in_view(const Agent& agent) const;
-  void make_camera_scan(const Pose& pose);
-  void make_lidar_scan(const Pose& pose);
-  void share(int agent);
-  void share_visits(int agent, const CellRect& rect);
-  void share_obstacles(const CellRect& rect);
-  void count_visits(Agent& agent, int index, const CellRect& rect);
+  void add_agent(std::size_t index, const Pose& start, std::int32_t window_cells);
   void find_explorable_cells();
+
+  StepResult act(int agent);
+  StepResult stay(int agent);
   void finish_action(int agent, StepResult& result);
+
+  void drive(Agent& agent, StepResult& result);
+  void turn_towards(Motion& motion, Point goal);
+  void drive_towards(Motion& motion, Point goal, double budget_um);
+  void spend_steps(Motion& motion, std::int32_t steps);
+  double free_travel_um(const Agent& agent, Point to) const;
+  bool path_is_blocked(const Motion& motion) const;
+
+  void take_view(Agent& agent, bool count_visits, StepResult& result);
+  bool target_in_view(const Pose& pose) const;
+
+  void share(int agent);
+  CellRect count_visits(Agent& agent);
+  CellRect collect_obstacles(Agent& agent);
+  void tell_visits(int listener, const CellRect& rect);
+  void tell_obstacles(int listener, const CellRect& rect);
+  CellRect body_rect(const Pose& pose) const;
 
   EnvironmentConfig config_;
   Scenario scenario_;
   CellRect extent_;
   GridFrame extent_frame_;
   std::vector<Agent> agents_;
-  std::vector<std::uint8_t> explorable_;  // over extent_
-  std::vector<std::uint16_t> visit_sum_;  // over extent_, of all agents
-  std::vector<std::uint8_t> seen_by_;     // over extent_, how many agents
+  std::vector<std::uint8_t> explorable_;   // over extent_
+  std::vector<std::uint8_t> known_walls_;  // over extent_; empty when walls are not known
+  std::vector<std::uint8_t> seen_by_;      // over extent_: by how many agents
   std::vector<std::uint8_t> scratch_;
+  std::vector<ScanPoint> beams_;  // the sensor's fan: bearing and longest range
   Scan scan_;
   EpisodeTotals totals_;
   int next_agent_ = 0;
