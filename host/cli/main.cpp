@@ -3,6 +3,7 @@
 #include <exception>
 #include <iostream>
 
+#include "host/canbus/canbus_command.h"
 #include "host/cli/commands.h"
 
 namespace {
@@ -13,6 +14,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", "ivfm 0.1.0");
   ivfm::host::CommandAction action;
   // One line a subcommand, in the order of `ivfm --help`.
+  ivfm::host::add_canbus_command(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
