@@ -143,16 +143,27 @@ Decision Explorer::select_global_goal(const Pose& pose) {
     decision.goal = frontier->stand;
     return planned(decision);
   }
-  const Cell home = map_.frame().cell_at(start_.position);
-  const bool away = !(home == robot_cell(pose));
-  if (config_.return_to_start && away && paths_.cost_at(map_, home) != path::kUnreachable) {
-    decision.kind = Decision::Kind::kReturn;
-    decision.goal = home;
-    return planned(decision);
-  }
+  return config_.return_to_start ? return_or_stay(pose) : stay();
+}
+
+Decision Explorer::select_return(const Pose& pose) {
+  paths_.compute(map_, robot_cell(pose), explored_region(pose));
+  return return_or_stay(pose);
+}
+
+Decision Explorer::return_or_stay(const Pose& pose) {
+  Decision decision;
+  decision.kind = Decision::Kind::kReturn;
+  decision.goal = map_.frame().cell_at(start_.position);
+  const bool away = !(decision.goal == robot_cell(pose));
+  const bool in_reach = paths_.cost_at(map_, decision.goal) != path::kUnreachable;
+  return away && in_reach ? planned(decision) : stay();
+}
+
+Decision Explorer::stay() {
   path_.clear();
-  last_ = decision;
-  return decision;
+  last_ = {};
+  return last_;
 }
 
 Status Explorer::select_cell(const Pose& pose, Cell goal, Decision& out) {

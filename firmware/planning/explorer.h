@@ -107,6 +107,8 @@ class Explorer {
   Status select_local_goal(std::int32_t policy_cell, Decision& out);
   // The nearest frontier of the whole map, or return, or explored. Plans the path.
   Decision select_global_goal(const Pose& pose);
+  // Back to where start() was, or kExplored when it is there or cannot get there. Plans the path.
+  Decision select_return(const Pose& pose);
   // Any map cell as a goal; computes the shortest path map of the whole map. kUnavailable as above.
   Status select_cell(const Pose& pose, Cell goal, Decision& out);
   // Whether the last decision still makes sense: its way is not blocked by what has been seen since,
@@ -134,6 +136,8 @@ class Explorer {
   CellRect explored_region(const Pose& pose) const;
   Cell goal_in_block(std::int32_t policy_cell) const;
   Decision select_best(std::span<const std::int32_t> q_values);
+  Decision return_or_stay(const Pose& pose);
+  Decision stay();
   void give_up_frontier();
   void review_last_goal(const Pose& pose);
   Decision planned(Decision decision);

@@ -1,0 +1,189 @@
+#include "firmware/agent/agent.h"
+
+#include <algorithm>
+
+namespace ivfm {
+
+namespace {
+
+// An age for the supervisor, saturating.
+std::uint32_t age_us(TimeUs now_us, TimeUs then_us) {
+  const TimeUs age = now_us - std::min(now_us, then_us);
+  return static_cast<std::uint32_t>(std::min<TimeUs>(age, kNeverUs - 1));
+}
+
+// Milliradians to binary angle units: 65536 / (2 pi * 1000) = 10.430378.
+std::int32_t to_binary_units(std::int32_t mrad) {
+  return static_cast<std::int32_t>(std::int64_t{mrad} * 10'430'378 / 1'000'000);
+}
+
+std::int32_t to_mrad(std::int32_t binary_units) {
+  return static_cast<std::int32_t>(std::int64_t{binary_units} * 1'000'000 / 10'430'378);
+}
+
+}  // namespace
+
+Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer)
+    : config_(config),
+      explorer_(explorer),
+      lidar_(ports.lidar, config.lidar),
+      wheels_(config.wheels, ports.can),
+      odometry_(config.wheels.geometry, config.wheels.max_wheel_um_s * 2),
+      follower_(config.follower),
+      supervisor_(config.supervisor),
+      link_(explorer.map(), ports.radio, config.link) {
+  odometry_.reset(config.start);
+  explorer_.start(config.start);
+  if (config.autostart) (void)supervisor_.request(RobotEvent::kExplore);  // remembered in kBoot
+}
+
+void Agent::step(TimeUs now_us) {
+  sense_wheels(now_us);
+  sense_surroundings(now_us);
+  exchange_maps(now_us);
+  obey_commands();
+  choose_goal(now_us);
+  drive(now_us);
+}
+
+// CAN encoders -> odometry -> pose.
+void Agent::sense_wheels(TimeUs now_us) {
+  wheels_.step(now_us);
+  const WheelDrive::Positions& positions = wheels_.positions();
+  if (!positions.valid || positions.measured_us == positions_us_) return;
+  positions_us_ = positions.measured_us;
+  if (ok(odometry_.update(positions.left, positions.right, positions.measured_us))) {
+    poses_.add(positions.measured_us, odometry_.pose());
+  }
+}
+
+// RPLIDAR bytes -> scan -> occupancy and visits.
+void Agent::sense_surroundings(TimeUs now_us) {
+  lidar_.start(now_us);
+  (void)lidar_.step(now_us);  // a failing port shows as a stale lidar
+  const Scan* scan = lidar_.take_scan();
+  if (scan == nullptr || poses_.empty()) return;
+  deskew(*scan, lidar_.scan_start_us(), lidar_.scan_end_us(), poses_, scan_);
+  pose_at_scan_ = poses_.at(lidar_.scan_end_us());
+  scan_us_ = lidar_.scan_end_us();
+  has_scan_ = new_scan_ = true;
+  const ViewStatistics seen = explorer_.fuse(pose_at_scan_, scan_);
+  progress_.newly_seen_cells += seen.newly_seen_cells;
+  ++progress_.scans_fused;
+}
+
+// Own changes to the server, the others' cells from it.
+void Agent::exchange_maps(TimeUs now_us) {
+  if (now_us - shared_us_ >= config_.share_period_us) {
+    shared_us_ = now_us;
+    share_map();
+  }
+  link_.step(now_us, odometry_.pose());
+}
+
+void Agent::share_map() {
+  for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
+    link_.mark_dirty(layer, explorer_.map().take_changes(layer));
+  }
+}
+
+// What the server asks for; a request that the state does not allow has no effect.
+void Agent::obey_commands() {
+  const Result<CommandCode> command = link_.take_command();
+  if (!command.ok()) return;
+  switch (command.value()) {
+    case CommandCode::kStart:
+      (void)supervisor_.request(RobotEvent::kStart);
+      (void)supervisor_.request(RobotEvent::kExplore);
+      break;
+    case CommandCode::kStop: (void)supervisor_.request(RobotEvent::kStop); break;
+    case CommandCode::kReturn: (void)supervisor_.request(RobotEvent::kReturn); break;
+    case CommandCode::kFound: (void)supervisor_.request(RobotEvent::kTargetFound); break;
+  }
+}
+
+// i-VFM state -> Q values -> goal -> path.
+void Agent::choose_goal(TimeUs now_us) {
+  if (!supervisor_.may_move()) {
+    follower_.cancel();
+    acting_ = false;
+    return;
+  }
+  if (acting_ && !action_is_over()) return;
+  if (!has_scan_) return;
+  if (acting_) share_map();
+  acting_ = false;
+  decision_ = supervisor_.state() == RobotState::kReturning
+                  ? explorer_.select_return(odometry_.pose())
+                  : explorer_.decide(odometry_.pose(), policy_);
+  if (decision_.kind == Decision::Kind::kExplored) {
+    follower_.cancel();
+    const bool returning = supervisor_.state() == RobotState::kReturning;
+    (void)supervisor_.request(returning ? RobotEvent::kHome : RobotEvent::kMapExplored);
+    return;
+  }
+  if (decision_.kind == Decision::Kind::kReturn) (void)supervisor_.request(RobotEvent::kReturn);
+  begin_action(now_us);
+}
+
+bool Agent::action_is_over() {
+  if (stuck_) {
+    stuck_ = false;
+    ++progress_.stuck;
+    explorer_.abandon_goal();
+    return true;
+  }
+  if (!follower_.active()) return true;
+  const auto travelled = static_cast<std::int64_t>(odometry_.travelled_um() - action_start_um_);
+  if (travelled >= config_.max_action_travel_um) return true;
+  if (!new_scan_) return false;
+  new_scan_ = false;
+  return !explorer_.goal_is_still_good(odometry_.pose(), follower_.next_waypoint());
+}
+
+void Agent::begin_action(TimeUs now_us) {
+  explorer_.begin_action();
+  acting_ = ok(follower_.start(explorer_.path().points(), now_us));
+  action_start_um_ = odometry_.travelled_um();
+  stuck_ = false;
+  ++progress_.actions;
+  if (decision_.kind == Decision::Kind::kGlobalGoal) ++progress_.global_actions;
+}
+
+// Path -> v, omega -> gate -> wheels -> CAN.
+void Agent::drive(TimeUs now_us) {
+  const FollowStep wish = follower_.step(odometry_.pose(), commanded_, now_us);
+  stuck_ = stuck_ || wish.status == Status::kTimeout;
+  commanded_ = supervisor_.gate(wish.velocity, supervisor_inputs(now_us), now_us);
+  if (supervisor_.reasons().has(StopReason::kInternalError)) {
+    wheels_.quick_stop();
+    return;
+  }
+  wheels_.set_velocity(commanded_.v_um_s, to_binary_units(commanded_.omega_mrad_s));
+}
+
+SupervisorInputs Agent::supervisor_inputs(TimeUs now_us) const {
+  SupervisorInputs inputs;
+  if (has_scan_) inputs.lidar_age_us = age_us(now_us, scan_us_);
+  if (wheels_.positions().valid) {
+    inputs.odometry_age_us = age_us(now_us, wheels_.positions().measured_us);
+  }
+  inputs.drives_operational = wheels_.enabled(now_us);
+  inputs.stop_requested = stop_requested_;
+  inputs.scan = has_scan_ ? &scan_ : nullptr;
+  inputs.pose_at_scan = pose_at_scan_;
+  inputs.pose = odometry_.pose();
+  const BodyVelocity measured = wheels_.measured_velocity();
+  inputs.measured = {measured.forward_um_s, to_mrad(measured.turn_units_s)};
+  return inputs;
+}
+
+Status Agent::NetworkPolicy::evaluate(const LocalState& state, std::span<std::int32_t> q_values) {
+  const std::span<const std::int32_t> values = network_.run(state.channels);
+  if (values.empty()) return Status::kUnavailable;
+  if (values.size() != q_values.size()) return Status::kInvalidArgument;
+  std::ranges::copy(values, q_values.begin());
+  return Status::kOk;
+}
+
+}  // namespace ivfm

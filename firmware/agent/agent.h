@@ -1,0 +1,147 @@
+// The robot's agent: from RPLIDAR bytes and CAN frames to CAN frames, in fixed memory.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "firmware/agent/profile.h"
+#include "firmware/hal/can_bus.h"
+#include "firmware/hal/clock.h"
+#include "firmware/hal/datagram_socket.h"
+#include "firmware/hal/serial_port.h"
+#include "firmware/lidar/rplidar_driver.h"
+#include "firmware/link/map_link.h"
+#include "firmware/localization/odometry.h"
+#include "firmware/localization/pose_history.h"
+#include "firmware/nn/q_network.h"
+#include "firmware/planning/explorer.h"
+#include "firmware/supervisor/supervisor.h"
+#include "firmware/tracking/path_follower.h"
+#include "firmware/wheel_drive/wheel_drive.h"
+
+namespace ivfm {
+
+struct AgentConfig {
+  ExplorerConfig explorer;
+  RplidarConfig lidar;
+  WheelDriveConfig wheels;
+  FollowerConfig follower;
+  SupervisorConfig supervisor;
+  MapLinkConfig link;
+  Pose start;             // in the map frame, where the robot is switched on
+  bool autostart = true;  // explore as soon as the devices are ready
+  // An action ends after this much driving even when its goal is further: the map has changed.
+  std::int32_t max_action_travel_um = 1'500'000;
+  TimeUs share_period_us = 2'000'000;  // changes of the map go to the link at least so often
+};
+
+struct AgentPorts {
+  SerialPort& lidar;
+  CanBus& can;
+  DatagramSocket& radio;
+};
+
+// Counters and states for people; everything a part counts can be asked from that part.
+struct AgentProgress {
+  std::uint32_t actions = 0;         // decisions that led to a move
+  std::uint32_t global_actions = 0;  // of these, goals outside the local map
+  std::uint32_t stuck = 0;           // moves given up for lack of progress
+  std::uint32_t scans_fused = 0;
+  std::uint64_t newly_seen_cells = 0;  // by this robot, first of all robots as far as it knew
+};
+
+class Agent {
+ public:
+  // `explorer` and the ports must outlive the agent.
+  Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer);
+
+  // Loads the policy; `model` must outlive the agent. Without one the agent explores the nearest
+  // frontier.
+  ModelStatus load_model(std::span<const std::uint8_t> model) { return network_.load(model); }
+
+  // Everything that is due at `now_us`. Call every 10 ms or so, also when nothing happens.
+  void step(TimeUs now_us);
+
+  // A person's or the operating system's wish; the server's come over the link.
+  void request_stop() { stop_requested_ = true; }
+  // True once nothing is left to be sent to the server.
+  bool map_is_shared() const { return link_.idle(); }
+  // Puts all changes on the link now, as at the end of an action.
+  void share_map();
+
+  const Pose& pose() const { return odometry_.pose(); }
+  RobotState state() const { return supervisor_.state(); }
+  const Decision& decision() const { return decision_; }
+  const AgentProgress& progress() const { return progress_; }
+  const RplidarDriver& lidar() const { return lidar_; }
+  const WheelDrive& wheels() const { return wheels_; }
+  const Odometry& odometry() const { return odometry_; }
+  const Supervisor& supervisor() const { return supervisor_; }
+  const MapLink& link() const { return link_; }
+  const Explorer& explorer() const { return explorer_; }
+  const Velocity& commanded() const { return commanded_; }
+
+ private:
+  // Answers the explorer with the onboard network.
+  class NetworkPolicy final : public QFunction {
+   public:
+    explicit NetworkPolicy(QNetwork& network) : network_(network) {}
+    Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) override;
+
+   private:
+    QNetwork& network_;
+  };
+
+  void sense_wheels(TimeUs now_us);
+  void sense_surroundings(TimeUs now_us);
+  void exchange_maps(TimeUs now_us);
+  void obey_commands();
+  void choose_goal(TimeUs now_us);
+  void drive(TimeUs now_us);
+
+  bool action_is_over();
+  void begin_action(TimeUs now_us);
+  SupervisorInputs supervisor_inputs(TimeUs now_us) const;
+
+  AgentConfig config_;
+  Explorer& explorer_;
+  RplidarDriver lidar_;
+  WheelDrive wheels_;
+  Odometry odometry_;
+  PoseHistory poses_;
+  QNetwork network_;
+  NetworkPolicy policy_{network_};
+  PathFollower follower_;
+  Supervisor supervisor_;
+  MapLink link_;
+
+  Scan scan_{};  // the last revolution, corrected for motion
+  bool has_scan_ = false;
+  TimeUs scan_us_ = 0;
+  Pose pose_at_scan_{};
+  bool new_scan_ = false;
+  TimeUs positions_us_ = 0;
+
+  Decision decision_{};
+  bool acting_ = false;
+  std::uint64_t action_start_um_ = 0;
+  bool stuck_ = false;
+  Velocity commanded_{};
+  TimeUs shared_us_ = 0;
+  bool stop_requested_ = false;
+  AgentProgress progress_{};
+};
+
+// The agent with all its memory. Its size is a constant of the profile.
+template <typename Profile>
+class AgentFor : private ExplorerFor<Profile>, public Agent {
+ public:
+  AgentFor(const AgentConfig& config, const AgentPorts& ports)
+      : ExplorerFor<Profile>(config.explorer),
+        Agent(config, ports, static_cast<ExplorerFor<Profile>&>(*this)) {}
+  AgentFor(const AgentFor&) = delete;
+  AgentFor& operator=(const AgentFor&) = delete;
+};
+
+}  // namespace ivfm
