@@ -12,13 +12,14 @@ std::uint32_t age_us(TimeUs now_us, TimeUs then_us) {
   return static_cast<std::uint32_t>(std::min<TimeUs>(age, kNeverUs - 1));
 }
 
-// Milliradians to binary angle units: 65536 / (2 pi * 1000) = 10.430378.
-std::int32_t to_binary_units(std::int32_t mrad) {
-  return static_cast<std::int32_t>(std::int64_t{mrad} * 10'430'378 / 1'000'000);
-}
-
-std::int32_t to_mrad(std::int32_t binary_units) {
-  return static_cast<std::int32_t>(std::int64_t{binary_units} * 1'000'000 / 10'430'378);
+// The map's geometry is the explorer's, whatever the configuration says.
+MapLinkConfig link_config(const AgentConfig& config, const Explorer& explorer) {
+  MapLinkConfig link = config.link;
+  const GridFrame& frame = explorer.map().frame();
+  link.cell_um = frame.cell_um();
+  link.window_width = static_cast<std::uint16_t>(frame.width());
+  link.window_height = static_cast<std::uint16_t>(frame.height());
+  return link;
 }
 
 }  // namespace
@@ -26,18 +27,20 @@ std::int32_t to_mrad(std::int32_t binary_units) {
 Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer)
     : config_(config),
       explorer_(explorer),
+      clock_(ports.clock),
       lidar_(ports.lidar, config.lidar),
       wheels_(config.wheels, ports.can),
       odometry_(config.wheels.geometry, config.wheels.max_wheel_um_s * 2),
       follower_(config.follower),
       supervisor_(config.supervisor),
-      link_(explorer.map(), ports.radio, config.link) {
+      link_(explorer.map(), ports.radio, link_config(config, explorer)) {
   odometry_.reset(config.start);
   explorer_.start(config.start);
   if (config.autostart) (void)supervisor_.request(RobotEvent::kExplore);  // remembered in kBoot
 }
 
 void Agent::step(TimeUs now_us) {
+  if (started_us_ == 0) started_us_ = now_us;
   sense_wheels(now_us);
   sense_surroundings(now_us);
   exchange_maps(now_us);
@@ -78,7 +81,20 @@ void Agent::exchange_maps(TimeUs now_us) {
     shared_us_ = now_us;
     share_map();
   }
+  link_.set_status(status(now_us));
   link_.step(now_us, odometry_.pose());
+}
+
+RobotStatus Agent::status(TimeUs now_us) const {
+  RobotStatus status;
+  status.state = static_cast<std::uint8_t>(supervisor_.state());
+  status.fault = static_cast<std::uint8_t>(supervisor_.reasons().bits() & 0xff);
+  status.goal = acting_ ? decision_.goal : explorer_.map().frame().cell_at(pose().position);
+  status.uptime_ms = static_cast<std::uint32_t>((now_us - std::min(now_us, started_us_)) / 1000);
+  status.actions = progress_.actions;
+  status.distance_mm = static_cast<std::uint32_t>(odometry_.travelled_um() / 1000);
+  status.decision_us = decision_time_us_;
+  return status;
 }
 
 void Agent::share_map() {
@@ -89,9 +105,9 @@ void Agent::share_map() {
 
 // What the server asks for; a request that the state does not allow has no effect.
 void Agent::obey_commands() {
-  const Result<CommandCode> command = link_.take_command();
-  if (!command.ok()) return;
-  switch (command.value()) {
+  const std::optional<CommandCode> command = link_.take_command();
+  if (!command) return;
+  switch (*command) {
     case CommandCode::kStart:
       (void)supervisor_.request(RobotEvent::kStart);
       (void)supervisor_.request(RobotEvent::kExplore);
@@ -113,9 +129,7 @@ void Agent::choose_goal(TimeUs now_us) {
   if (!has_scan_) return;
   if (acting_) share_map();
   acting_ = false;
-  decision_ = supervisor_.state() == RobotState::kReturning
-                  ? explorer_.select_return(odometry_.pose())
-                  : explorer_.decide(odometry_.pose(), policy_);
+  decide();
   if (decision_.kind == Decision::Kind::kExplored) {
     follower_.cancel();
     const bool returning = supervisor_.state() == RobotState::kReturning;
@@ -124,6 +138,15 @@ void Agent::choose_goal(TimeUs now_us) {
   }
   if (decision_.kind == Decision::Kind::kReturn) (void)supervisor_.request(RobotEvent::kReturn);
   begin_action(now_us);
+}
+
+void Agent::decide() {
+  const TimeUs before = clock_.now_us();
+  decision_ = supervisor_.state() == RobotState::kReturning
+                  ? explorer_.select_return(odometry_.pose())
+                  : explorer_.decide(odometry_.pose(), policy_);
+  link_.clip(explorer_.map().frame().window());  // the window may have rolled
+  decision_time_us_ = static_cast<std::uint32_t>(clock_.now_us() - before);
 }
 
 bool Agent::action_is_over() {
@@ -159,7 +182,7 @@ void Agent::drive(TimeUs now_us) {
     wheels_.quick_stop();
     return;
   }
-  wheels_.set_velocity(commanded_.v_um_s, to_binary_units(commanded_.omega_mrad_s));
+  wheels_.set_velocity(commanded_);
 }
 
 SupervisorInputs Agent::supervisor_inputs(TimeUs now_us) const {
@@ -173,8 +196,7 @@ SupervisorInputs Agent::supervisor_inputs(TimeUs now_us) const {
   inputs.scan = has_scan_ ? &scan_ : nullptr;
   inputs.pose_at_scan = pose_at_scan_;
   inputs.pose = odometry_.pose();
-  const BodyVelocity measured = wheels_.measured_velocity();
-  inputs.measured = {measured.forward_um_s, to_mrad(measured.turn_units_s)};
+  inputs.measured = wheels_.measured_velocity();
   return inputs;
 }
 

@@ -40,6 +40,7 @@ struct AgentPorts {
   SerialPort& lidar;
   CanBus& can;
   DatagramSocket& radio;
+  Clock& clock;  // only to measure how long decisions take
 };
 
 // Counters and states for people; everything a part counts can be asked from that part.
@@ -65,10 +66,14 @@ class Agent {
 
   // A person's or the operating system's wish; the server's come over the link.
   void request_stop() { stop_requested_ = true; }
-  // True once nothing is left to be sent to the server.
-  bool map_is_shared() const { return link_.idle(); }
-  // Puts all changes on the link now, as at the end of an action.
+  // Puts all changes of the map on the link, as at the end of an action.
   void share_map();
+  // For the end of a run: send what is left without waiting; true once the server has all of it.
+  void flush_map() {
+    share_map();
+    link_.flush();
+  }
+  bool map_is_shared() const { return link_.all_acknowledged(); }
 
   const Pose& pose() const { return odometry_.pose(); }
   RobotState state() const { return supervisor_.state(); }
@@ -81,6 +86,7 @@ class Agent {
   const MapLink& link() const { return link_; }
   const Explorer& explorer() const { return explorer_; }
   const Velocity& commanded() const { return commanded_; }
+  std::uint32_t decision_time_us() const { return decision_time_us_; }
 
  private:
   // Answers the explorer with the onboard network.
@@ -100,12 +106,15 @@ class Agent {
   void choose_goal(TimeUs now_us);
   void drive(TimeUs now_us);
 
+  void decide();
   bool action_is_over();
   void begin_action(TimeUs now_us);
+  RobotStatus status(TimeUs now_us) const;
   SupervisorInputs supervisor_inputs(TimeUs now_us) const;
 
   AgentConfig config_;
   Explorer& explorer_;
+  Clock& clock_;
   RplidarDriver lidar_;
   WheelDrive wheels_;
   Odometry odometry_;
@@ -129,6 +138,8 @@ class Agent {
   bool stuck_ = false;
   Velocity commanded_{};
   TimeUs shared_us_ = 0;
+  TimeUs started_us_ = 0;
+  std::uint32_t decision_time_us_ = 0;
   bool stop_requested_ = false;
   AgentProgress progress_{};
 };

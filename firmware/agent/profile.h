@@ -22,11 +22,11 @@ struct RobotProfile {
   static constexpr std::size_t kBucketCapacity = 8192;
 };
 
-// A Cortex-M7 with 320 KiB of RAM: a 7.2 m window that rolls with it.
+// A Cortex-M7 with 320 KiB of RAM: a 6.4 m window that rolls with it.
 struct McuProfile {
   static constexpr const char* kName = "mcu";
   static constexpr std::int32_t kCellUm = 50'000;
-  static constexpr std::int32_t kWindowCells = 144;
+  static constexpr std::int32_t kWindowCells = 128;
   static constexpr std::size_t kBucketCapacity = 128;
 };
 
