@@ -23,16 +23,15 @@ std::size_t format_telemetry_line(const Agent& agent, TimeUs now_us, std::span<c
   const int length = std::snprintf(
       out.data(), out.size(),
       "%7.1f s  %-9s at %+.2f %+.2f m %+4.0f deg  driven %.1f m  actions %" PRIu32
-      "  scans %" PRIu32 " (resync %" PRIu32 ", reconnect %" PRIu32
-      ")  can %" PRIu32 " in, %" PRIu32 " failed  radio %" PRIu64 " B out, %" PRIu64
-      " B in, %" PRIu32 " again  decision %.1f ms\n",
+      "  scans %" PRIu32 " (resync %" PRIu32 ", reconnect %" PRIu32 ")  can %" PRIu32
+      " in, %" PRIu32 " failed  radio %" PRIu64 " B out, %" PRIu64 " B in, %" PRIu32
+      " again  decision %.1f ms\n",
       static_cast<double>(now_us) / 1e6, to_string(agent.state()), metres(pose.position.x_um),
       metres(pose.position.y_um), pose.heading.degrees(),
-      metres(static_cast<std::int64_t>(agent.odometry().travelled_um())),
-      agent.progress().actions, lidar.scans, lidar.resyncs, lidar.reconnects,
-      agent.wheels().counters().frames_received, agent.wheels().counters().send_failures,
-      link.bytes_sent, link.bytes_received, link.retransmissions,
-      static_cast<double>(agent.decision_time_us()) / 1000.0);
+      metres(static_cast<std::int64_t>(agent.odometry().travelled_um())), agent.progress().actions,
+      lidar.scans, lidar.resyncs, lidar.reconnects, agent.wheels().counters().frames_received,
+      agent.wheels().counters().send_failures, link.bytes_sent, link.bytes_received,
+      link.retransmissions, static_cast<double>(agent.decision_time_us()) / 1000.0);
   return written(length, out);
 }
 
@@ -43,16 +42,18 @@ std::size_t format_telemetry_json(const Agent& agent, TimeUs now_us, std::span<c
   const WheelDrive::Counters& can = agent.wheels().counters();
   const int length = std::snprintf(
       out.data(), out.size(),
-      "{\"time_us\":%" PRIu64 ",\"state\":\"%s\",\"stop_reasons\":%u,\"x_m\":%.3f,\"y_m\":%.3f,"
-      "\"heading_deg\":%.1f,\"travelled_m\":%.3f,\"actions\":%" PRIu32 ",\"global_actions\":%" PRIu32
-      ",\"stuck\":%" PRIu32 ",\"newly_seen_cells\":%" PRIu64 ",\"decision_us\":%" PRIu32
-      ",\"lidar\":{\"bytes\":%" PRIu64 ",\"scans\":%" PRIu32 ",\"resyncs\":%" PRIu32
-      ",\"dropped_frames\":%" PRIu32 ",\"dropped_samples\":%" PRIu32 ",\"reconnects\":%" PRIu32
-      "},\"can\":{\"frames_received\":%" PRIu32 ",\"frames_ignored\":%" PRIu32
-      ",\"send_failures\":%" PRIu32 ",\"bus_failures\":%" PRIu32 ",\"common_stops\":%" PRIu32
-      "},\"radio\":{\"bytes_sent\":%" PRIu64 ",\"bytes_received\":%" PRIu64
-      ",\"datagrams_sent\":%" PRIu64 ",\"datagrams_received\":%" PRIu64
-      ",\"retransmissions\":%" PRIu32 ",\"dropped\":%" PRIu32 "},\"odometry_jumps\":%" PRIu32 "}\n",
+      "{\"time_us\":%" PRIu64
+      ",\"state\":\"%s\",\"stop_reasons\":%u,\"x_m\":%.3f,\"y_m\":%.3f,"
+      "\"heading_deg\":%.1f,\"travelled_m\":%.3f,\"actions\":%" PRIu32
+      ",\"global_actions\":%" PRIu32 ",\"stuck\":%" PRIu32 ",\"newly_seen_cells\":%" PRIu64
+      ",\"decision_us\":%" PRIu32 ",\"lidar\":{\"bytes\":%" PRIu64 ",\"scans\":%" PRIu32
+      ",\"resyncs\":%" PRIu32 ",\"dropped_frames\":%" PRIu32 ",\"dropped_samples\":%" PRIu32
+      ",\"reconnects\":%" PRIu32 "},\"can\":{\"frames_received\":%" PRIu32
+      ",\"frames_ignored\":%" PRIu32 ",\"send_failures\":%" PRIu32 ",\"bus_failures\":%" PRIu32
+      ",\"common_stops\":%" PRIu32 "},\"radio\":{\"bytes_sent\":%" PRIu64
+      ",\"bytes_received\":%" PRIu64 ",\"datagrams_sent\":%" PRIu64
+      ",\"datagrams_received\":%" PRIu64 ",\"retransmissions\":%" PRIu32 ",\"dropped\":%" PRIu32
+      "},\"odometry_jumps\":%" PRIu32 "}\n",
       now_us, to_string(agent.state()), unsigned{agent.supervisor().reasons().bits()},
       metres(pose.position.x_um), metres(pose.position.y_um), pose.heading.degrees(),
       metres(static_cast<std::int64_t>(agent.odometry().travelled_um())), agent.progress().actions,
