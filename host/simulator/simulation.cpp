@@ -1,0 +1,161 @@
+#include "host/simulator/simulation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace ivfm::host {
+namespace {
+
+// Independent random streams from one seed: robot and purpose make the difference.
+std::uint64_t stream_seed(std::uint64_t seed, int robot, std::uint64_t purpose) {
+  std::seed_seq mix{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
+                    static_cast<std::uint32_t>(robot), static_cast<std::uint32_t>(purpose)};
+  std::uint32_t words[2];
+  mix.generate(words, words + 2);
+  return std::uint64_t{words[0]} << 32 | words[1];
+}
+
+constexpr std::uint16_t kOverCurrent =
+    0x2310;  // CiA 402 table "Error codes": continuous over current
+constexpr TimeUs kGarbagePeriodUs = 50'000;
+constexpr std::size_t kGarbageBytes = 40;
+
+}  // namespace
+
+Result<CanFrame> LossyCanBus::receive() {
+  for (;;) {
+    const Result<CanFrame> frame = bus_.receive();
+    if (!frame.ok() || !lose()) return frame;
+  }
+}
+
+Status LossyCanBus::send(const CanFrame& frame) { return lose() ? Status::kOk : bus_.send(frame); }
+
+bool LossyCanBus::lose() {
+  return loss_ > 0 && static_cast<double>(random_() >> 11) * 0x1p-53 < loss_;
+}
+
+SimulatedRobot::SimulatedRobot(int number, const PreparedWorld& world,
+                               const SimulationConfig& config, std::filesystem::path lidar_link,
+                               CanBus& bus)
+    : number_(number),
+      world_(world.world),
+      config_(config),
+      body_(world.body, to_true_pose(world.starts[static_cast<std::size_t>(number - 1)]),
+            config.odometry, stream_seed(config.seed, number, 1)),
+      rays_(world.world, config.lidar, stream_seed(config.seed, number, 2)),
+      terminal_(std::move(lidar_link), config.rplidar),
+      bus_(bus, stream_seed(config.seed, number, 3)),
+      left_({.node_id = 1}),
+      right_({.node_id = 2}),
+      drives_(bus_, {&left_, &right_}),
+      metres_per_count_(config.wheels.wheel_circumference_um / 1e6 / config.wheels.counts_per_turn),
+      fault_begun_(config.faults.size(), false) {
+  terminal_.emulator().set_source(
+      [this](TimeUs, std::span<ScanPoint> beams) { measure_revolution(beams); });
+}
+
+void SimulatedRobot::step(TimeUs now_us, std::span<const TruePose> others) {
+  others_.assign(others.begin(), others.end());
+  apply_faults(now_us);
+  drives_.step(now_us);
+  roll_wheels(others);
+  terminal_.step(now_us);
+}
+
+void SimulatedRobot::roll_wheels(std::span<const TruePose> others) {
+  const double left_m = (left_.ground_position() - left_counts_) * metres_per_count_;
+  const double right_m = (right_.ground_position() - right_counts_) * metres_per_count_;
+  left_counts_ = left_.ground_position();
+  right_counts_ = right_.ground_position();
+  const TruePose before = body_.pose();
+  body_.roll(left_m, right_m, world_, others);
+  const double dx = body_.pose().x_m - before.x_m, dy = body_.pose().y_m - before.y_m;
+  const double seconds = Simulation::kTickUs / 1e6;
+  const double heading = before.heading_rad;
+  speed_m_s_ = (dx * std::cos(heading) + dy * std::sin(heading)) / seconds;
+  turn_rad_s_ = std::remainder(body_.pose().heading_rad - heading, 2 * M_PI) / seconds;
+}
+
+void SimulatedRobot::apply_faults(TimeUs now_us) {
+  bool lidar_silent = false, drives_silent = false;
+  double loss = 0;
+  for (std::size_t i = 0; i < config_.faults.size(); ++i) {
+    const Fault& fault = config_.faults[i];
+    if (!fault.is_active(number_, now_us)) continue;
+    switch (fault.kind) {
+      case FaultKind::kLidarSilence: lidar_silent = true; break;
+      case FaultKind::kLidarGarbage:
+        if (now_us < next_garbage_us_) break;
+        terminal_.emulator().inject_garbage(kGarbageBytes, static_cast<std::uint32_t>(now_us));
+        next_garbage_us_ = now_us + kGarbagePeriodUs;
+        break;
+      case FaultKind::kCanDrop: loss = std::max(loss, fault.probability); break;
+      case FaultKind::kDriveFault:
+        if (!fault_begun_[i]) left_.raise_fault(kOverCurrent);
+        break;
+      case FaultKind::kDriveSilence: drives_silent = true; break;
+    }
+    fault_begun_[i] = true;
+  }
+  terminal_.emulator().set_silent(lidar_silent);
+  left_.set_silent(drives_silent);
+  right_.set_silent(drives_silent);
+  bus_.set_loss(loss);
+}
+
+// The beams of a revolution are asked for when it begins. Each is cast from where the robot will be
+// at its moment if it keeps the speed of the last step.
+void SimulatedRobot::measure_revolution(std::span<ScanPoint> beams) {
+  const double revolution_s = 1 / config_.rplidar.rotation_hz;
+  for (std::size_t i = 0; i < beams.size(); ++i) {
+    const double t = revolution_s * static_cast<double>(i) / static_cast<double>(beams.size());
+    TruePose pose = body_.pose();
+    const double half_turn = turn_rad_s_ * t / 2;
+    pose.x_m += speed_m_s_ * t * std::cos(pose.heading_rad + half_turn);
+    pose.y_m += speed_m_s_ * t * std::sin(pose.heading_rad + half_turn);
+    pose.heading_rad += 2 * half_turn;
+    const LidarSample sample =
+        rays_.measure(pose, beams[i].bearing.radians(), others_, body_.shape().radius_m);
+    beams[i].range_mm = sample.range_mm;
+    beams[i].quality = sample.quality;
+    beams[i].echo = sample.range_mm > 0 ? Echo::kHit : Echo::kNothing;
+  }
+}
+
+Simulation::Simulation(PreparedWorld world, SimulationConfig config,
+                       const std::vector<std::filesystem::path>& lidar_links,
+                       const std::vector<CanBus*>& buses)
+    : world_(std::move(world)), config_(std::move(config)) {
+  if (lidar_links.size() != world_.starts.size() || buses.size() != world_.starts.size()) {
+    throw std::invalid_argument("Simulation: one lidar and one bus a robot");
+  }
+  for (std::size_t i = 0; i < world_.starts.size(); ++i) {
+    robots_.push_back(std::make_unique<SimulatedRobot>(static_cast<int>(i) + 1, world_, config_,
+                                                       lidar_links[i], *buses[i]));
+  }
+}
+
+void Simulation::advance_to(TimeUs now_us) {
+  std::vector<TruePose> others;
+  while (now_us_ + kTickUs <= now_us) {
+    now_us_ += kTickUs;
+    for (const auto& robot : robots_) {
+      others.clear();
+      for (const auto& other : robots_) {
+        if (other != robot) others.push_back(other->body().pose());
+      }
+      robot->step(now_us_, others);
+    }
+  }
+}
+
+int Simulation::collisions() const {
+  int sum = 0;
+  for (const auto& robot : robots_) sum += robot->body().collisions();
+  return sum;
+}
+
+}  // namespace ivfm::host
