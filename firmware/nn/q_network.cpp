@@ -19,6 +19,14 @@ std::span<const std::int32_t> QNetwork::run(std::span<const std::uint16_t> state
   return values_;
 }
 
+Status QNetwork::evaluate(const LocalState& state, std::span<std::int32_t> q_values) {
+  if (!has_model_) return Status::kUnavailable;
+  const std::span<const std::int32_t> values = run(state.channels);
+  if (values.empty() || q_values.size() != values.size()) return Status::kInvalidArgument;
+  std::copy(values.begin(), values.end(), q_values.begin());
+  return Status::kOk;
+}
+
 void QNetwork::quantize_state(std::span<const std::uint16_t> state) {
   const auto stored = static_cast<std::size_t>(model_.tensors[0].stored_channels());
   std::int8_t* input = tensor(0);

@@ -7,11 +7,12 @@
 
 #include "firmware/nn/kernels.h"
 #include "firmware/nn/model_view.h"
+#include "firmware/nn/q_function.h"
 #include "firmware/nn/state_encoder.h"
 
 namespace ivfm {
 
-class QNetwork {
+class QNetwork final : public QFunction {
  public:
   // `kernels` only changes how fast it is.
   explicit QNetwork(const KernelSet& kernels = fast_kernels()) : kernels_(&kernels) {}
@@ -27,6 +28,10 @@ class QNetwork {
   // Q = value * model().output_scale. `state`: the channels one after the other, as the encoder
   // writes them. Valid until the next call. Empty without a model or with a wrong size.
   std::span<const std::int32_t> run(std::span<const std::uint16_t> state);
+
+  // run() as a QFunction. kUnavailable: no model; kInvalidArgument: the model is for another kind
+  // of state, or `q_values` has not kPolicyGridSize values.
+  Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) override;
 
   const char* kernel_name() const { return kernels_->name; }
 
