@@ -300,7 +300,8 @@ CanFrame Cia402Drive::next_rpdo(Goal goal, std::int32_t target_velocity, TimeUs 
   else if (state() == State::kQuickStopActive && goal == Goal::kOperate &&
            now_us - state_since_us_ > kQuickStopPatienceUs)
     controlword = 0;  // transition 12
-  const bool follows = goal == Goal::kOperate && state() == State::kOperationEnabled;
+  const bool follows =
+      fresh(now_us) && goal == Goal::kOperate && state() == State::kOperationEnabled;
   CanFrame frame{.id = static_cast<std::uint16_t>(canopen::kRpdo1Base + config_.node_id),
                  .size = 6};
   canopen::put_u16(frame, 0, controlword);
