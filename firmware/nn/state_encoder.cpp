@@ -7,6 +7,17 @@ namespace {
 
 constexpr int kMaxRowCells = kPolicyCells * kMaxPool;
 
+// The i-VFM of a cell by own + peers' visits (0 .. 510), or by an entry with bit 9 set: an
+// obstacle.
+constexpr unsigned kObstacleEntry = 512;
+consteval auto make_cell_values() {
+  std::array<std::uint16_t, 2 * kObstacleEntry> values{};
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] = i >= kObstacleEntry ? kIvfmBlocked : kIvfmOfVisits[std::min<std::size_t>(i, 255)];
+  return values;
+}
+constexpr auto kCellValues = make_cell_values();
+
 bool valid_pool(int pool) { return pool >= 1 && pool <= kMaxPool; }
 
 // The part of one grid row that lies in the map's window: columns [first, last) of the grid, and
@@ -47,8 +58,9 @@ void read_row(const VisitView& view, const CellRect& grid_window, std::int32_t y
   const std::uint8_t* flags = view.flags.data() + part.index;
   std::uint16_t* out = values.data() + part.first;
   for (int i = 0; i < part.last - part.first; ++i) {
-    const unsigned visits = std::min(255u, unsigned{own[i]} + peers[i]);
-    out[i] = (flags[i] & view.obstacle_mask) != 0 ? kIvfmBlocked : kIvfmOfVisits[visits];
+    // Without a branch: where obstacles lie is hard to predict.
+    const unsigned obstacle = (flags[i] & view.obstacle_mask) != 0 ? kObstacleEntry : 0;
+    out[i] = kCellValues[(unsigned{own[i]} + peers[i]) | obstacle];
   }
 }
 

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -11,6 +13,7 @@
 #include "firmware/nn/kernels_tiled.h"
 #include "firmware/nn/q_network.h"
 #include "host/quantizer/activation_memory.h"
+#include "host/quantizer/float_q_function.h"
 
 namespace ivfm::host {
 namespace {
@@ -178,6 +181,22 @@ TEST(QNetwork, AnswersNothingWithoutAModelOrWithAWrongState) {
   EXPECT_TRUE(network->run(std::span(state).first(1024)).empty());
   EXPECT_EQ(network->load({}).status, Status::kTruncated);
   EXPECT_TRUE(network->run(state).empty());
+}
+
+TEST(FloatQFunction, OrdersThePolicyCellsAsTheNetworkDoes) {
+  const FloatNetwork network = make_random_network(1);
+  LocalState state;
+  const auto example = make_example_states(1, 1);
+  std::copy(example.begin(), example.end(), state.channels.begin());
+  FloatRunner runner(network);
+  const auto values = runner.run(example);
+  FloatQFunction function(network);
+  std::vector<std::int32_t> q(kPolicyGridSize);
+  ASSERT_EQ(function.evaluate(state, q), Status::kOk);
+  for (std::size_t i = 1; i < q.size(); ++i)
+    EXPECT_EQ(q[i] < q[i - 1], values[i] < values[i - 1]) << i;
+  EXPECT_EQ(function.evaluate(state, std::span(q).first(1)), Status::kInvalidArgument);
+  EXPECT_THROW(FloatQFunction(make_unet18(StateKind::kFoldedIvfm)), std::invalid_argument);
 }
 
 TEST(PlanActivations, ReusesMemoryAndKeepsSkips) {
