@@ -5,6 +5,7 @@
 
 #include "host/canbus/canbus_command.h"
 #include "host/cli/commands.h"
+#include "host/simulator/sim_command.h"
 
 namespace {
 
@@ -14,6 +15,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", "ivfm 0.1.0");
   ivfm::host::CommandAction action;
   // One line a subcommand, in the order of `ivfm --help`.
+  ivfm::host::add_sim_command(app, action);
   ivfm::host::add_canbus_command(app, action);
   try {
     app.parse(argc, argv);

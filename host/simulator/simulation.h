@@ -59,7 +59,7 @@ class SimulatedRobot {
 
   int number() const { return number_; }
   const RobotBody& body() const { return body_; }
-  const RplidarTerminal& lidar() const { return terminal_; }
+  RplidarTerminal& lidar() { return terminal_; }
   std::uint32_t lost_frames() const { return drives_.lost_frames(); }
 
  private:
