@@ -1,0 +1,49 @@
+#include "firmware/agent/linux/agent_setup.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace ivfm {
+
+namespace {
+
+std::int32_t to_um(double metres) { return static_cast<std::int32_t>(std::lround(metres * 1e6)); }
+
+ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um) {
+  ExplorerConfig config = ExplorerConfig::lidar(to_um(options.visit_range_m), cell_um);
+  if (options.visit_fov_deg < 360) {
+    config.fusion.footprint.half_angle = BinaryAngle::from_degrees(options.visit_fov_deg / 2).raw();
+  }
+  config.robot_radius_um = to_um(options.robot_radius_m) + cell_um / 2;
+  config.min_goal_distance_um = config.robot_radius_um;
+  config.return_to_start = options.return_home;
+  return config;
+}
+
+}  // namespace
+
+AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
+                              std::uint32_t epoch) {
+  AgentConfig config;
+  config.explorer = explorer_config(options, cell_um);
+  config.wheels.geometry.track_um = to_um(options.wheel_base_m);
+  config.wheels.geometry.wheel_circumference_um =
+      to_um(2 * std::numbers::pi * options.wheel_radius_m);
+  config.wheels.geometry.counts_per_turn = static_cast<std::int32_t>(options.counts_per_rev);
+  const double rim_m_s = options.max_turn_rad_s * options.wheel_base_m / 2;
+  config.wheels.max_wheel_um_s = to_um(options.max_speed_m_s + rim_m_s);
+  config.follower.max_speed_um_s = to_um(options.max_speed_m_s);
+  config.follower.max_turn_mrad_s =
+      static_cast<std::int32_t>(std::lround(options.max_turn_rad_s * 1000));
+  config.supervisor.robot_radius_um = to_um(options.robot_radius_m);
+  config.supervisor.max_speed_um_s = config.follower.max_speed_um_s;
+  config.supervisor.max_turn_mrad_s = config.follower.max_turn_mrad_s;
+  config.link.robot = static_cast<std::uint16_t>(options.robot_id);
+  config.link.epoch = epoch;
+  config.start = {{to_um(options.start_x_m), to_um(options.start_y_m)},
+                  BinaryAngle::from_degrees(options.start_heading_deg)};
+  config.max_action_travel_um = to_um(options.visit_range_m / 2);
+  return config;
+}
+
+}  // namespace ivfm
