@@ -12,7 +12,6 @@ namespace ivfm {
 
 namespace {
 
-constexpr std::size_t kMaxModelBytes = std::size_t{1} << 20;
 
 struct FileCloser {
   void operator()(std::FILE* file) const { std::fclose(file); }
@@ -58,7 +57,7 @@ std::vector<std::uint8_t> read_model_file(const std::string& path) {
   bytes.resize(std::fread(bytes.data(), 1, bytes.size(), file.get()));
   if (std::ferror(file.get())) throw std::runtime_error("cannot read the model " + path);
   if (bytes.size() > kMaxModelBytes) {
-    throw std::runtime_error(path + " is no model: it has more than 1 MiB");
+    throw std::runtime_error(path + " is no model: it is larger than a model can be");
   }
   return bytes;
 }

@@ -9,7 +9,7 @@
 
 namespace ivfm {
 
-// The whole file. Throws std::runtime_error with one sentence. At most 1 MiB.
+// The whole file. Throws std::runtime_error with one sentence.
 std::vector<std::uint8_t> read_model_file(const std::string& path);
 
 // Writes the robot's own layers (shared/wire/FORMAT.md, "Map dump"); the file appears whole or not
