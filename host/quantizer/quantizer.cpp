@@ -54,36 +54,55 @@ double find_clip(const Histogram& histogram, Calibration calibration) {
   return best_clip;
 }
 
-// What one step of each tensor means. The input is 1/127 by definition; doubling keeps the scale.
-std::vector<double> find_scales(const FloatNetwork& network, std::span<const std::uint16_t> states,
-                                Calibration calibration) {
+// What the example states say about each tensor.
+struct Statistics {
+  std::vector<double> scales;              // what one step means
+  std::vector<std::vector<double>> means;  // per channel
+};
+
+// Adds the values of tensor `t` of the last run to its histogram or, first, to its maximum.
+void count_values(std::span<const float> values, bool counting, Histogram& histogram) {
+  for (const float v : values) {
+    const float size = std::abs(v);
+    if (!counting)
+      histogram.maximum = std::max(histogram.maximum, size);
+    else if (size > 0)  // zero is exact at every scale
+      histogram.counts[std::min<std::size_t>(
+          kBins - 1, static_cast<std::size_t>(size / histogram.maximum * kBins))] += 1;
+  }
+}
+
+// The input's scale is 1/127 by definition; doubling keeps the scale.
+Statistics find_statistics(const FloatNetwork& network, std::span<const std::uint16_t> states,
+                           Calibration calibration) {
   const std::size_t state_size = network.inputs.size() * kPolicyGridSize;
   if (states.empty() || states.size() % state_size != 0)
     throw std::invalid_argument("no example states, or not of " + std::to_string(state_size) +
                                 " values each");
+  const std::vector<Shape> shapes = network.shapes();
   FloatRunner runner(network);
-  std::vector<Histogram> histograms(network.layers.size() + 1);
+  std::vector<Histogram> histograms(shapes.size());
+  Statistics result;
+  for (const Shape& shape : shapes) result.means.emplace_back(shape.channels, 0.0);
   for (const bool counting : {false, true})
     for (std::size_t at = 0; at < states.size(); at += state_size) {
       runner.run(states.subspan(at, state_size));
-      for (std::size_t t = 0; t < histograms.size(); ++t)
-        for (const float v : runner.tensor(static_cast<int>(t))) {
-          Histogram& h = histograms[t];
-          const float size = std::abs(v);
-          if (!counting)
-            h.maximum = std::max(h.maximum, size);
-          else if (size > 0)  // zero is exact at every scale
-            h.counts[std::min<std::size_t>(
-                kBins - 1, static_cast<std::size_t>(size / h.maximum * kBins))] += 1;
-        }
+      for (std::size_t t = 0; t < shapes.size(); ++t) {
+        const std::span<const float> values = runner.tensor(static_cast<int>(t));
+        count_values(values, counting, histograms[t]);
+        const std::size_t channels = result.means[t].size();
+        const double share = static_cast<double>(channels * state_size) /
+                             static_cast<double>(values.size() * states.size());
+        for (std::size_t i = 0; counting && i < values.size(); ++i)
+          result.means[t][i % channels] += share * static_cast<double>(values[i]);
+      }
     }
-  std::vector<double> scales(histograms.size());
-  scales[0] = 1.0 / 127;
+  result.scales.assign(shapes.size(), 1.0 / 127);
   for (std::size_t i = 0; i < network.layers.size(); ++i)
-    scales[i + 1] = network.layers[i].kind == LayerKind::kUpsample2x
-                        ? scales[static_cast<std::size_t>(network.layers[i].input_a)]
-                        : find_clip(histograms[i + 1], calibration) / 127;
-  return scales;
+    result.scales[i + 1] = network.layers[i].kind == LayerKind::kUpsample2x
+                               ? result.scales[static_cast<std::size_t>(network.layers[i].input_a)]
+                               : find_clip(histograms[i + 1], calibration) / 127;
+  return result;
 }
 
 // A common shift for positive factors, and each one as an integer below 2^bits at that shift.
@@ -148,10 +167,11 @@ double weight_scale(const FloatLayer& layer, std::size_t output, double input_sc
 
 class ModelWriter {
  public:
-  ModelWriter(const FloatNetwork& network, std::vector<double> scales)
+  ModelWriter(const FloatNetwork& network, Statistics statistics)
       : network_(network),
         shapes_(network.shapes()),
-        scales_(std::move(scales)),
+        scales_(std::move(statistics.scales)),
+        means_(std::move(statistics.means)),
         plan_(plan_activations(network)) {}
 
   std::vector<std::uint8_t> write() {
@@ -258,6 +278,7 @@ class ModelWriter {
     const auto outputs = static_cast<std::size_t>(layer.outputs);
     const double in_scale = scales_[static_cast<std::size_t>(layer.input_a)];
     const int inputs = shapes_[static_cast<std::size_t>(layer.input_a)].channels;
+    const std::vector<double>& input_means = means_[static_cast<std::size_t>(layer.input_a)];
     const int taps = layer.kind == LayerKind::kConv3x3 ? 9 : 1;
     const int stored_inputs = (inputs + 3) / 4 * 4;
     const std::size_t stored_outputs = (outputs + 15) / 16 * 16;
@@ -268,14 +289,19 @@ class ModelWriter {
     for (std::size_t o = 0; o < outputs; ++o) {
       const double scale = weight_scale(layer, o, in_scale);
       factors.push_back(in_scale * scale / scales_[index + 1]);
-      w.u32(static_cast<std::uint32_t>(
-          static_cast<std::int32_t>(std::lround(layer.bias[o] / (in_scale * scale)))));
+      double bias = layer.bias[o];
       for (int c = 0; c < inputs; ++c)
         for (int t = 0; t < taps; ++t) {
-          const std::size_t from = (o * static_cast<std::size_t>(inputs) + c) * taps + t;
+          const double weight =
+              layer.weights[(o * static_cast<std::size_t>(inputs) + c) * taps + t];
+          const long rounded = std::lround(weight / scale);
           weights[format::weight_index(static_cast<int>(o), t, c, taps, stored_inputs)] =
-              static_cast<std::uint8_t>(std::lround(layer.weights[from] / scale));
+              static_cast<std::uint8_t>(rounded);
+          // What rounding the weights adds on average goes into the bias (Nagel et al. 2019).
+          bias += (weight - static_cast<double>(rounded) * scale) * input_means[c];
         }
+      w.u32(static_cast<std::uint32_t>(
+          static_cast<std::int32_t>(std::lround(bias / (in_scale * scale)))));
       if (is_head) head_scale_ = in_scale * scale;
     }
     w.zeros(4 * (stored_outputs - outputs));
@@ -291,6 +317,7 @@ class ModelWriter {
   const FloatNetwork& network_;
   std::vector<Shape> shapes_;
   std::vector<double> scales_;
+  std::vector<std::vector<double>> means_;
   ActivationPlan plan_;
   double head_scale_ = 1;
 };
@@ -304,7 +331,7 @@ std::vector<std::uint8_t> quantize(const FloatNetwork& network,
     throw std::runtime_error("more than " + std::to_string(kMaxLayers) + " layers");
   if (network.name.size() >= kMaxNameBytes)
     throw std::invalid_argument("the name is longer than " + std::to_string(kMaxNameBytes - 1));
-  ModelWriter writer(network, find_scales(network, states, options.calibration));
+  ModelWriter writer(network, find_statistics(network, states, options.calibration));
   std::vector<std::uint8_t> file = writer.write();
   ModelView model;
   if (const ModelStatus status = load_model(file, model); !ok(status.status))
