@@ -61,7 +61,7 @@ void add_scaled(const LayerView& layer, std::size_t size, const std::int8_t* a,
   const std::int32_t half = 1 << (layer.shift - 1), lowest = layer.relu ? 0 : -127;
   for (std::size_t i = 0; i < size; ++i) {
     const std::int32_t sum = (a[i] * multiplier_a + b[i] * multiplier_b + half) >> layer.shift;
-    out[i] = static_cast<std::int8_t>(std::clamp(sum, lowest, 127));
+    out[i] = static_cast<std::int8_t>(std::clamp<std::int32_t>(sum, lowest, 127));
   }
 }
 

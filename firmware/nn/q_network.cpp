@@ -38,7 +38,7 @@ void QNetwork::quantize_state(std::span<const std::uint16_t> state) {
     for (std::size_t i = 0; i < kPolicyGridSize; ++i) {
       const std::int32_t scaled =
           ((values[i] - channel.offset) * channel.multiplier + half) >> channel.shift;
-      input[i * stored + c] = static_cast<std::int8_t>(std::clamp(scaled, 0, 127));
+      input[i * stored + c] = static_cast<std::int8_t>(std::clamp<std::int32_t>(scaled, 0, 127));
     }
   }
 }
