@@ -48,7 +48,7 @@ struct SupervisorConfig {
   std::uint32_t odometry_max_age_us = 100'000;
   // Causes have to be gone for this long before the wheels may turn again.
   std::uint32_t recovery_us = 500'000;
-  std::int32_t robot_radius_um = 170'000;
+  std::int32_t robot_radius_um = 105'000;
   // Hits that reach less than this into the side of the robot's corridor are lidar noise.
   std::int32_t side_tolerance_um = 15'000;
   // Kept free between the robot and an obstacle ahead, at standstill.

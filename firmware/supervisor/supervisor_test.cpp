@@ -55,7 +55,7 @@ class SupervisorTest : public ::testing::Test {
     EXPECT_TRUE(supervisor_.reasons().none());
   }
 
-  SupervisorConfig config_;
+  SupervisorConfig config_{.robot_radius_um = 170'000};
   Supervisor supervisor_{config_};
   SupervisorInputs inputs_;
   Scan scan_;

@@ -12,7 +12,6 @@ namespace ivfm {
 
 namespace {
 
-
 struct FileCloser {
   void operator()(std::FILE* file) const { std::fclose(file); }
 };

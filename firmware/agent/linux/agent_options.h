@@ -27,11 +27,11 @@ struct AgentOptions {
   double time_scale = 1;     // the agent's clock runs this many times faster
   double visit_range_m = 3;  // footprint of a visit: reach and angle, centred ahead
   double visit_fov_deg = 360;
-  double max_speed_m_s = 0.3;
+  double max_speed_m_s = 0.22;
   double max_turn_rad_s = 1.5;
-  double robot_radius_m = 0.17;
+  double robot_radius_m = 0.105;
   double wheel_radius_m = 0.033;
-  double wheel_base_m = 0.287;  // between the wheels
+  double wheel_base_m = 0.16;  // between the wheels
   std::int64_t counts_per_rev = 4096;
   std::string dump_map;  // written at the end; empty: not
   TelemetryFormat telemetry = TelemetryFormat::kLine;

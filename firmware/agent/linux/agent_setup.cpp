@@ -1,11 +1,20 @@
 #include "firmware/agent/linux/agent_setup.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 namespace ivfm {
 
 namespace {
+
+constexpr double kAccelerationM_s2 = 2;
+constexpr double kBrakingM_s2 = 5;
+constexpr double kBrakingTimeS = 0.06;
+
+std::uint32_t to_counts(double counts) {
+  return static_cast<std::uint32_t>(std::lround(std::clamp(counts, 1.0, 4e9)));
+}
 
 std::int32_t to_um(double metres) { return static_cast<std::int32_t>(std::lround(metres * 1e6)); }
 
@@ -30,6 +39,15 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
   config.wheels.geometry.wheel_circumference_um =
       to_um(2 * std::numbers::pi * options.wheel_radius_m);
   config.wheels.geometry.counts_per_turn = static_cast<std::int32_t>(options.counts_per_rev);
+  // The drives' ramps in encoder counts; the wheels stand within 100 ms of a zero setpoint, also
+  // from the largest speed, and the supervisor counts on less than that.
+  const double counts_per_m =
+      static_cast<double>(options.counts_per_rev) / (2 * std::numbers::pi * options.wheel_radius_m);
+  const double braking_m_s2 = std::max(kBrakingM_s2, options.max_speed_m_s / kBrakingTimeS);
+  config.wheels.drive.acceleration = to_counts(kAccelerationM_s2 * counts_per_m);
+  config.wheels.drive.deceleration = to_counts(braking_m_s2 * counts_per_m);
+  config.wheels.drive.quick_stop_deceleration = to_counts(1.5 * braking_m_s2 * counts_per_m);
+  config.supervisor.braking_um_s2 = to_um(0.6 * braking_m_s2);
   const double rim_m_s = options.max_turn_rad_s * options.wheel_base_m / 2;
   config.wheels.max_wheel_um_s = to_um(options.max_speed_m_s + rim_m_s);
   config.follower.max_speed_um_s = to_um(options.max_speed_m_s);
