@@ -48,6 +48,8 @@ void add_scaled(const LayerView& layer, std::size_t size, const std::int8_t* a,
 // Compiled for x86-64 only; call them only where the processor has the instructions.
 const KernelSet& avx512_vnni_kernels();
 const KernelSet& avx2_kernels();
+// Compiled for AArch64 only.
+const KernelSet& neon_kernels();
 // Plain C++, for every other processor.
 const KernelSet& portable_kernels();
 
