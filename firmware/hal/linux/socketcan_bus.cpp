@@ -51,7 +51,8 @@ Status SocketCanBus::open(std::string_view interface, std::string& error) {
   const Status status = open_socket();
   const int code = errno;
   if (status == Status::kUnsupported) {
-    error = "this kernel has no CAN; use socketcand:HOST:PORT/BUS with a server such as `ivfm canbus`";
+    error =
+        "this kernel has no CAN; use socketcand:HOST:PORT/BUS with a server such as `ivfm canbus`";
   } else if (!ok(status)) {
     error = "cannot open CAN interface " + name + ": " + std::strerror(code) +
             " (is it there and up? `ip link show " + name + "`)";
@@ -96,15 +97,14 @@ Status SocketCanBus::on_error(int code) {
 Result<CanFrame> SocketCanBus::receive() {
   if (fd_ < 0 && (monotonic_us() < retry_us_ || !ok(open_socket()))) return Status::kUnavailable;
   can_frame raw{};
-  const ssize_t size = read(fd_, &raw, sizeof raw);
-  if (size < 0) {
-    return errno == EAGAIN || errno == EINTR ? Status::kEmpty : on_error(errno);
-  }
-  if (raw.can_id & CAN_ERR_FLAG) {
+  for (int errors = 0;; ++errors) {  // error frames must not hold up the frames behind them
+    const ssize_t size = read(fd_, &raw, sizeof raw);
+    if (size < 0 && errno != EAGAIN && errno != EINTR) return on_error(errno);
+    if (size < 0) return errors > 0 ? Status::kUnavailable : Status::kEmpty;
+    if (size != sizeof raw || raw.can_dlc > 8) return Status::kIoError;
+    if (!(raw.can_id & CAN_ERR_FLAG)) break;
     ++error_frames_;
-    return Status::kUnavailable;
   }
-  if (size != sizeof raw || raw.can_dlc > 8) return Status::kIoError;
   CanFrame frame{.id = static_cast<std::uint16_t>(raw.can_id & CAN_SFF_MASK),
                  .size = raw.can_dlc,
                  .remote = (raw.can_id & CAN_RTR_FLAG) != 0};
