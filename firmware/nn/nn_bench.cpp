@@ -34,7 +34,7 @@ void encode_ivfm_channel(benchmark::State& state) {
   const PolicyGrid grid = PolicyGrid::centred_on({256, 256}, static_cast<int>(state.range(0)));
   std::vector<std::uint16_t> out(kPolicyGridSize);
   const VisitView view{map.frame, map.own, map.peers, map.flags, 3};
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     benchmark::DoNotOptimize(encode_ivfm(view, grid, {12'800'000, 12'800'000}, 105'000, out));
     benchmark::ClobberMemory();
   }
@@ -45,7 +45,7 @@ void encode_path_channel(benchmark::State& state) {
   const Map map;
   const PolicyGrid grid = PolicyGrid::centred_on({256, 256}, static_cast<int>(state.range(0)));
   std::vector<std::uint16_t> out(kPolicyGridSize);
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     benchmark::DoNotOptimize(encode_path({map.frame, map.cost, 12, 0xffff}, grid, out));
     benchmark::ClobberMemory();
   }
@@ -58,7 +58,7 @@ void run_int8(benchmark::State& state, const KernelSet& kernels) {
   const std::vector<std::uint8_t> file = host::quantize(network, states);
   const auto int8 = std::make_unique<QNetwork>(kernels);
   if (!ok(int8->load(file).status)) throw std::runtime_error("the model was refused");
-  for (auto _ : state)
+  while (state.KeepRunning())
     benchmark::DoNotOptimize(int8->run(std::span(states).first(2 * kPolicyGridSize)).data());
   state.counters["GMAC/s"] =
       benchmark::Counter(static_cast<double>(int8->model().multiply_adds) * 1e-9,
@@ -71,7 +71,7 @@ BENCHMARK_CAPTURE(run_int8, fastest, fast_kernels())->Unit(benchmark::kMicroseco
 void run_float_eigen(benchmark::State& state) {
   host::FloatRunner runner(host::make_random_network(1));
   const auto states = host::make_example_states(1, 1);
-  for (auto _ : state) benchmark::DoNotOptimize(runner.run(states).data());
+  while (state.KeepRunning()) benchmark::DoNotOptimize(runner.run(states).data());
 }
 BENCHMARK(run_float_eigen)->Unit(benchmark::kMicrosecond);
 

@@ -35,9 +35,10 @@ class ExampleDrawer {
 
   void draw(std::span<std::uint16_t> ivfm, std::span<std::uint16_t> path) {
     std::fill(ivfm.begin(), ivfm.end(), kIvfmOfVisits[0]);
-    for (std::size_t i = 0; i < kPolicyGridSize; ++i) {
-      const double dx = static_cast<double>(i % 32) - 16, dy = static_cast<double>(i / 32) - 16;
-      path[i] = static_cast<std::uint16_t>(std::lround(256 * std::sqrt(dx * dx + dy * dy)));
+    for (int i = 0; i < kPolicyGridSize; ++i) {
+      const int dx = i % 32 - 16, dy = i / 32 - 16;
+      path[static_cast<std::size_t>(i)] =
+          static_cast<std::uint16_t>(std::lround(256 * std::sqrt(dx * dx + dy * dy)));
     }
     for (int n = below(12); n > 0; --n) draw_seen(ivfm);
     for (int n = below(8); n > 0; --n) draw_wall(ivfm, path);
