@@ -5,6 +5,7 @@
 
 #include "host/canbus/canbus_command.h"
 #include "host/cli/commands.h"
+#include "host/map_server/serve_command.h"
 #include "host/simulator/replay_command.h"
 #include "host/simulator/sim_command.h"
 
@@ -19,6 +20,7 @@ int run(int argc, char** argv) {
   ivfm::host::add_sim_command(app, action);
   ivfm::host::add_canbus_command(app, action);
   ivfm::host::add_replay_command(app, action);
+  ivfm::host::add_serve_command(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -1,0 +1,61 @@
+// Maps out of a run database, and their comparison with what the robots held.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "shared/geometry/grid_frame.h"
+#include "shared/wire/layer.h"
+
+namespace ivfm::host {
+
+// Both layers of a map in a rectangle of cells that bounds what is known.
+struct LayerMap {
+  std::int32_t cell_um = 0;
+  CellRect bounds;                      // empty when nothing is known
+  std::vector<std::uint8_t> visits;     // row by row from the lowest; counts
+  std::vector<std::uint8_t> obstacles;  // the same; 0 or 1
+
+  // 0 outside the bounds.
+  std::uint8_t value(Layer layer, Cell cell) const;
+  std::vector<std::uint8_t>& layer(Layer layer) {
+    return layer == Layer::kVisits ? visits : obstacles;
+  }
+};
+
+// All throw std::runtime_error with one sentence when `database` is no run database. It may be in
+// use by a server at the same time.
+
+// What the fleet saw: visits summed (at most 255), obstacles of any robot.
+LayerMap load_merged_map(const std::filesystem::path& database);
+// What one robot saw; empty bounds when it is not known.
+LayerMap load_robot_map(const std::filesystem::path& database, std::uint16_t robot);
+// The robots of the run, in order.
+std::vector<std::uint16_t> load_robot_ids(const std::filesystem::path& database);
+
+// A robot's map dump (shared/wire/FORMAT.md). Throws std::runtime_error when it is damaged.
+struct MapDump {
+  std::uint16_t robot = 0;
+  std::uint32_t epoch = 0;
+  LayerMap map;
+};
+MapDump load_map_dump(const std::filesystem::path& file);
+
+struct MapComparison {
+  std::uint64_t cells_compared = 0;  // cells of either layer, over all robots and the merged map
+  std::uint64_t cells_different = 0;
+  std::uint64_t explored_cells = 0;  // of the merged map
+  std::string first_difference;      // a sentence for people
+  bool equal() const { return cells_different == 0 && first_difference.empty(); }
+};
+
+// Whether the server holds, cell for cell in every dump's window, what the robot held, and whether
+// the merged map is the sum over the robots. A robot without a dump, or a dump without a robot, is
+// a difference too. Throws as above.
+MapComparison compare_with_dumps(const std::filesystem::path& database,
+                                 const std::vector<std::filesystem::path>& dumps);
+
+}  // namespace ivfm::host

@@ -1,0 +1,407 @@
+#include "host/map_server/map_server.h"
+
+#include <algorithm>
+
+namespace ivfm::host {
+namespace {
+
+// A robot that was not heard for this long is not sent anything.
+constexpr TimeUs kAwayAfterUs = 60000000;
+constexpr TimeUs kCommandRetryUs = 500000;
+
+std::int64_t to_sql(TimeUs time_us) { return static_cast<std::int64_t>(time_us); }
+
+// As few acknowledgements as cover `sequences` (sorted, newest first): the next one, and what of
+// `sequences` is left.
+Acknowledgement next_acknowledgement(std::uint32_t epoch, std::vector<std::uint32_t>& sequences) {
+  Acknowledgement message{epoch, sequences.front(), 0};
+  std::erase_if(sequences, [&](std::uint32_t sequence) {
+    const std::uint32_t age = message.newest - sequence;
+    if (age >= 1 && age <= 64) message.earlier |= 1ull << (age - 1);
+    return age <= 64;
+  });
+  return message;
+}
+
+}  // namespace
+
+MapServer::MapServer(RunDatabase& database, DatagramSender& sender, std::uint32_t epoch,
+                     const MapServerConfig& config)
+    : database_(database), sender_(sender), epoch_(epoch), config_(config) {
+  load();
+}
+
+void MapServer::load() {
+  cell_um_ = database_.cell_um();
+  finder_ = database_.finder();
+  database_.load_tiles(map_);
+  for (RobotRecord& record : database_.load_robots()) {
+    Robot& robot = robots_[record.robot];
+    robot.downlink = Downlink(config_.downlink);
+    robot.logged_traffic = record.traffic;
+    robot.record = std::move(record);
+    if (finder_ && *finder_ != robot.record.robot) set_command(robot, CommandCode::kFound);
+  }
+  logged_explored_ = map_.explored_cells();
+  logged_obstacles_ = map_.obstacle_cells();
+}
+
+// --- Receiving ---------------------------------------------------------------------------------
+
+void MapServer::receive(const PeerAddress& from, std::span<const std::uint8_t> datagram,
+                        TimeUs now_us) {
+  const std::uint64_t bytes = datagram.size() + kUdpIpOverheadBytes;
+  ++counters_.traffic.datagrams_in;
+  counters_.traffic.bytes_in += bytes;
+  const auto opened = open_datagram(datagram);
+  if (!opened.ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  if (is_from_server(opened->header.kind)) {
+    ++counters_.dropped_misdirected;
+    return;
+  }
+  Robot* const robot = robot_for(opened->header, from, now_us);
+  if (robot == nullptr) return;
+  ++robot->record.traffic.datagrams_in;
+  robot->record.traffic.bytes_in += bytes;
+  const std::uint32_t sequence = opened->header.sequence;
+  switch (opened->header.kind) {
+    case MessageKind::kMapUpdate: handle_map_update(*robot, sequence, opened->body, now_us); break;
+    case MessageKind::kAcknowledgement: handle_acknowledgement(*robot, opened->body, now_us); break;
+    case MessageKind::kHello: handle_hello(*robot, sequence, opened->body, now_us); break;
+    case MessageKind::kStatus: handle_status(*robot, opened->body, now_us); break;
+    case MessageKind::kFound: handle_found(*robot, sequence, opened->body, now_us); break;
+    case MessageKind::kServerMapUpdate:
+    case MessageKind::kServerAcknowledgement:
+    case MessageKind::kCommand: break;
+  }
+}
+
+// The robot that sent the datagram, known or new; null when the datagram is not to be taken.
+MapServer::Robot* MapServer::robot_for(const DatagramHeader& header, const PeerAddress& from,
+                                       TimeUs now_us) {
+  auto it = robots_.find(header.robot);
+  if (it == robots_.end()) {
+    if (robots_.size() >= config_.max_robots) {
+      ++counters_.dropped_full;
+      return nullptr;
+    }
+    it = robots_.try_emplace(header.robot).first;
+    it->second.record.robot = header.robot;
+    it->second.record.first_seen_us = to_sql(now_us);
+    it->second.downlink = Downlink(config_.downlink);
+    if (finder_) set_command(it->second, CommandCode::kFound);
+  }
+  Robot& robot = it->second;
+  if (header.epoch < robot.record.epoch) {
+    ++counters_.dropped_stale;
+    return nullptr;
+  }
+  if (header.epoch > robot.record.epoch) start_epoch(robot, header.epoch, now_us);
+  if (!robot.heard) meet(robot);
+  robot.address = from;
+  robot.last_heard_us = now_us;
+  robot.record.last_seen_us = to_sql(now_us);
+  unsaved_robots_.insert(header.robot);
+  return &robot;
+}
+
+// A robot that has started (again) knows nothing of the others and obeys no earlier command.
+void MapServer::start_epoch(Robot& robot, std::uint32_t epoch, TimeUs now_us) {
+  robot.record.epoch = epoch;
+  robot.to_acknowledge.clear();
+  robot.heard = false;
+  robot.command_pending = robot.command.has_value() && robot.command->code == CommandCode::kFound;
+  rows_.push_back([time = to_sql(now_us), id = robot.record.robot, epoch](RunDatabase& database) {
+    database.add_event(time, id, "started", "epoch " + std::to_string(epoch));
+  });
+}
+
+// First contact since one of both has started: everything of the others is news.
+void MapServer::meet(Robot& robot) {
+  robot.heard = true;
+  robot.downlink = Downlink(config_.downlink);
+  for (const TileKey& key : map_.tiles_of_others(robot.record.robot)) {
+    robot.downlink.mark(key, key.cells());
+  }
+}
+
+void MapServer::handle_map_update(Robot& robot, std::uint32_t sequence,
+                                  std::span<const std::uint8_t> body, TimeUs now_us) {
+  MapUpdateReader reader(body);
+  const auto pose = unpack_pose(reader.pose());
+  if (!ok(check_map_update(body, cells_)) || !pose.ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  if (!accept_cell_size(reader.cell_um()) || !has_room_for(robot, body)) return;
+  take_pose(robot, reader.pose(), now_us);
+  merge_regions(robot, sequence, reader);
+  robot.to_acknowledge.push_back(sequence);
+}
+
+// The first robot's cell size is the run's.
+bool MapServer::accept_cell_size(std::int32_t cell_um) {
+  if (!cell_um_) {
+    cell_um_ = cell_um;
+    rows_.push_back([cell_um](RunDatabase& database) { database.save_cell_um(cell_um); });
+  }
+  if (*cell_um_ == cell_um) return true;
+  ++counters_.dropped_cell_size;
+  return false;
+}
+
+bool MapServer::has_room_for(const Robot& robot, std::span<const std::uint8_t> body) {
+  std::size_t missing = 0;
+  MapUpdateReader reader(body);
+  while (true) {
+    const auto region = reader.next(cells_);
+    if (!region.ok()) break;
+    missing += map_.missing_tiles(robot.record.robot, region->layer, region->rect);
+  }
+  if (map_.tile_count() + missing <= config_.max_tiles) return true;
+  ++counters_.dropped_full;
+  return false;
+}
+
+void MapServer::merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateReader& reader) {
+  std::vector<TileChange> changes;
+  while (true) {
+    const auto region = reader.next(cells_);
+    if (!region.ok()) break;
+    map_.merge(robot.record.robot, robot.record.epoch, sequence, region->layer, region->rect,
+               region->cells, changes);
+  }
+  for (const TileChange& change : changes) {
+    unsaved_tiles_.insert({robot.record.robot, change.key});
+    if (!change.changed.empty()) uncommitted_changes_.emplace_back(robot.record.robot, change);
+  }
+}
+
+void MapServer::handle_acknowledgement(Robot& robot, std::span<const std::uint8_t> body,
+                                       TimeUs now_us) {
+  const auto message = decode_acknowledgement(body);
+  if (!message.ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  if (message->epoch != epoch_) {
+    ++counters_.dropped_stale;
+    return;
+  }
+  robot.downlink.acknowledge(*message, now_us);
+  if (robot.command_sequence != 0 && message->covers(robot.command_sequence)) {
+    robot.command_pending = false;
+  }
+}
+
+void MapServer::handle_hello(Robot& robot, std::uint32_t sequence,
+                             std::span<const std::uint8_t> body, TimeUs now_us) {
+  const auto hello = decode_hello(body);
+  if (!hello.ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  if (!accept_cell_size(hello->cell_um)) {
+    rows_.push_back([time = to_sql(now_us), id = robot.record.robot,
+                     cell_um = hello->cell_um](RunDatabase& database) {
+      database.add_event(time, id, "refused", "cells of " + std::to_string(cell_um) + " um");
+    });
+    return;
+  }
+  robot.record.name = std::string(hello->name());
+  robot.to_acknowledge.push_back(sequence);
+}
+
+void MapServer::handle_status(Robot& robot, std::span<const std::uint8_t> body, TimeUs now_us) {
+  const auto status = decode_robot_status(body);
+  if (!status.ok() || !unpack_pose(status->pose).ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  take_pose(robot, status->pose, now_us);
+  const std::uint16_t id = robot.record.robot;
+  const std::int64_t time = to_sql(now_us);
+  rows_.push_back([=](RunDatabase& database) { database.add_status(time, id, *status); });
+  if (robot.goal == status->goal) return;
+  robot.goal = status->goal;
+  rows_.push_back([=](RunDatabase& database) { database.add_goal(time, id, status->goal); });
+}
+
+void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
+                             std::span<const std::uint8_t> body, TimeUs now_us) {
+  const auto found = decode_found_report(body);
+  if (!found.ok() || !unpack_pose(found->pose).ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  take_pose(robot, found->pose, now_us);
+  robot.to_acknowledge.push_back(sequence);
+  if (finder_) return;
+  finder_ = robot.record.robot;
+  rows_.push_back([time = to_sql(now_us), id = robot.record.robot,
+                   target = found->target](RunDatabase& database) {
+    database.add_event(
+        time, id, "found",
+        "x_um " + std::to_string(target.x_um) + " y_um " + std::to_string(target.y_um));
+  });
+  for (auto& [id, other] : robots_) {
+    if (id != robot.record.robot) set_command(other, CommandCode::kFound);
+  }
+}
+
+// Logs where the robot is. The caller has checked that `packed` can be unpacked.
+void MapServer::take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us) {
+  const Pose pose = *unpack_pose(packed);
+  if (cell_um_) robot.cell = GridFrame(*cell_um_, {}).cell_at(pose.position);
+  rows_.push_back([time = to_sql(now_us), id = robot.record.robot, pose](RunDatabase& database) {
+    database.add_pose(time, id, pose);
+  });
+}
+
+// --- Sending -----------------------------------------------------------------------------------
+
+void MapServer::step(TimeUs now_us) {
+  if (now_us - last_commit_us_ >= config_.commit_period_us) commit(now_us);
+  for (auto& entry : robots_) {
+    Robot& robot = entry.second;
+    if (!robot.heard || now_us - robot.last_heard_us > kAwayAfterUs) continue;
+    send_command_if_due(robot, now_us);
+    send_downlink(robot, now_us);
+  }
+}
+
+void MapServer::finish(TimeUs now_us) {
+  last_log_us_ = 0;
+  commit(now_us);
+}
+
+// One transaction; only then acknowledgements and news for the others.
+void MapServer::commit(TimeUs now_us) {
+  last_commit_us_ = now_us;
+  log_traffic_and_progress(now_us);
+  if (unsaved_robots_.empty() && rows_.empty()) return;
+  database_.begin();
+  for (const auto& [robot, key] : unsaved_tiles_) {
+    database_.save_tile(robot, key, *map_.robot_tile(robot, key));
+  }
+  for (const std::uint16_t robot : unsaved_robots_) {
+    database_.save_robot(robots_.at(robot).record);
+  }
+  for (const Row& row : rows_) row(database_);
+  database_.save_time(to_sql(now_us));
+  database_.commit();
+  for (const std::uint16_t robot : unsaved_robots_) acknowledge_committed(robots_.at(robot));
+  tell_others();
+  unsaved_tiles_.clear();
+  unsaved_robots_.clear();
+  rows_.clear();
+}
+
+void MapServer::log_traffic_and_progress(TimeUs now_us) {
+  if (last_log_us_ != 0 && now_us - last_log_us_ < config_.log_period_us) return;
+  last_log_us_ = now_us;
+  const std::int64_t time = to_sql(now_us);
+  for (auto& [id, robot] : robots_) {
+    if (robot.logged_traffic == robot.record.traffic) continue;
+    robot.logged_traffic = robot.record.traffic;
+    rows_.push_back([time, id = id, traffic = robot.record.traffic](RunDatabase& database) {
+      database.add_traffic(time, id, traffic);
+    });
+  }
+  const std::uint64_t explored = map_.explored_cells(), obstacles = map_.obstacle_cells();
+  if (explored == logged_explored_ && obstacles == logged_obstacles_) return;
+  logged_explored_ = explored;
+  logged_obstacles_ = obstacles;
+  rows_.push_back([=](RunDatabase& database) { database.add_progress(time, explored, obstacles); });
+}
+
+void MapServer::acknowledge_committed(Robot& robot) {
+  auto& sequences = robot.to_acknowledge;
+  std::sort(sequences.begin(), sequences.end(), std::greater<>());
+  while (!sequences.empty()) {
+    const Acknowledgement message = next_acknowledgement(robot.record.epoch, sequences);
+    send(robot, MessageKind::kServerAcknowledgement, *encode(message, body_of(out_)));
+  }
+}
+
+void MapServer::tell_others() {
+  for (const auto& [from, change] : uncommitted_changes_) {
+    for (auto& [id, robot] : robots_) {
+      if (id != from && robot.heard) robot.downlink.mark(change.key, change.changed);
+    }
+  }
+  uncommitted_changes_.clear();
+}
+
+void MapServer::send_downlink(Robot& robot, TimeUs now_us) {
+  robot.downlink.expire(now_us);
+  if (!robot.downlink.is_due(now_us)) return;
+  while (robot.downlink.is_due(now_us) && send_downlink_datagram(robot, now_us)) {
+  }
+  robot.downlink.end_batch(now_us);
+}
+
+// False when nothing is left to send.
+bool MapServer::send_downlink_datagram(Robot& robot, TimeUs now_us) {
+  const auto parts = robot.downlink.nearest(robot.cell, kMaxRegionsPerUpdate);
+  MapUpdateWriter writer(body_of(out_), cell_um_.value_or(1), {});
+  std::vector<Downlink::Part> written;
+  for (const Downlink::Part& part : parts) {
+    const auto cells = std::span(cells_).first(static_cast<std::size_t>(part.rect.area()));
+    map_.read_others(robot.record.robot, part.key, part.rect, cells);
+    if (!ok(writer.add(part.key.layer, part.rect, cells))) break;
+    written.push_back(part);
+  }
+  if (written.empty()) return false;
+  const std::uint32_t sequence = send(robot, MessageKind::kServerMapUpdate, writer.size());
+  robot.downlink.sent(written, sequence, now_us);
+  return true;
+}
+
+void MapServer::send_command(std::uint16_t robot, CommandCode code) {
+  const auto it = robots_.find(robot);
+  if (it != robots_.end()) set_command(it->second, code);
+}
+
+void MapServer::send_command_to_all(CommandCode code) {
+  for (auto& entry : robots_) set_command(entry.second, code);
+}
+
+void MapServer::set_command(Robot& robot, CommandCode code) {
+  const std::uint32_t revision = robot.command ? robot.command->revision + 1 : 1;
+  robot.command = Command{code, revision};
+  robot.command_pending = true;
+  robot.command_sequence = 0;
+}
+
+void MapServer::send_command_if_due(Robot& robot, TimeUs now_us) {
+  if (!robot.command_pending) return;
+  if (robot.command_sequence != 0 && now_us - robot.command_sent_us < kCommandRetryUs) return;
+  robot.command_sent_us = now_us;
+  robot.command_sequence =
+      send(robot, MessageKind::kCommand, *encode(*robot.command, body_of(out_)));
+}
+
+std::uint32_t MapServer::send(Robot& robot, MessageKind kind, std::size_t body_size) {
+  const DatagramHeader header{robot.record.robot, epoch_, robot.next_sequence++, kind};
+  const std::size_t size = *seal_datagram(header, body_size, out_);
+  sender_.send(robot.address, std::span(out_).first(size));
+  const std::uint64_t bytes = size + kUdpIpOverheadBytes;
+  for (TrafficCounters* traffic : {&counters_.traffic, &robot.record.traffic}) {
+    ++traffic->datagrams_out;
+    traffic->bytes_out += bytes;
+  }
+  return header.sequence;
+}
+
+bool MapServer::all_delivered() const {
+  return uncommitted_changes_.empty() &&
+         std::all_of(robots_.begin(), robots_.end(), [](const auto& entry) {
+           return !entry.second.heard || entry.second.downlink.idle();
+         });
+}
+
+}  // namespace ivfm::host

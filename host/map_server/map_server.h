@@ -1,0 +1,153 @@
+// The map server: merges what the robots send, stores it, tells each what the others saw.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "firmware/hal/clock.h"
+#include "host/map_server/downlink.h"
+#include "host/map_server/map_store.h"
+#include "host/map_server/peer_address.h"
+#include "host/map_server/run_database.h"
+#include "shared/wire/datagram.h"
+#include "shared/wire/map_update.h"
+#include "shared/wire/messages.h"
+
+namespace ivfm::host {
+
+struct MapServerConfig {
+  TimeUs commit_period_us = 100000;  // what arrived in this time is one transaction
+  TimeUs log_period_us = 1000000;    // of the rows of traffic and progress
+  DownlinkConfig downlink;
+  std::size_t max_robots = 4096;
+  std::size_t max_tiles = 262144;  // over all robots; what would need more is refused
+};
+
+struct MapServerCounters {
+  TrafficCounters traffic;  // of all robots, and of what was dropped
+  std::uint64_t dropped_malformed = 0;
+  std::uint64_t dropped_misdirected = 0;  // not from a robot
+  std::uint64_t dropped_stale = 0;        // from before the robot's last start
+  std::uint64_t dropped_cell_size = 0;    // cells of another size than the run's
+  std::uint64_t dropped_full = 0;         // more robots or tiles than the limits
+  std::uint64_t dropped() const {
+    return dropped_malformed + dropped_misdirected + dropped_stale + dropped_cell_size +
+           dropped_full;
+  }
+};
+
+// How the server answers; lossy like UDP.
+class DatagramSender {
+ public:
+  virtual void send(const PeerAddress& to, std::span<const std::uint8_t> datagram) = 0;
+
+ protected:
+  ~DatagramSender() = default;
+};
+
+// No I/O of its own but the database. Acknowledges only what is committed there; a robot hears of
+// the others' cells only after that. Throws DatabaseError when the database cannot be written.
+class MapServer {
+ public:
+  // `epoch`: from RunDatabase::begin_session(). Goes on with the run that `database` holds.
+  MapServer(RunDatabase& database, DatagramSender& sender, std::uint32_t epoch,
+            const MapServerConfig& config = {});
+  MapServer(const MapServer&) = delete;
+  MapServer& operator=(const MapServer&) = delete;
+
+  // Takes one datagram. Times are microseconds since the run began and never go back.
+  void receive(const PeerAddress& from, std::span<const std::uint8_t> datagram, TimeUs now_us);
+  // Commits, acknowledges and sends what is due.
+  void step(TimeUs now_us);
+  // The last commit before the server ends; acknowledges what it holds.
+  void finish(TimeUs now_us);
+
+  // Asks a robot, or all robots that are known, to do something; repeated until acknowledged.
+  void send_command(std::uint16_t robot, CommandCode code);
+  void send_command_to_all(CommandCode code);
+
+  const MapStore& map() const { return map_; }
+  std::optional<std::int32_t> cell_um() const { return cell_um_; }
+  std::size_t robot_count() const { return robots_.size(); }
+  const MapServerCounters& counters() const { return counters_; }
+  // True when every robot that was heard has acknowledged all that the others saw.
+  bool all_delivered() const;
+
+ private:
+  struct Robot {
+    RobotRecord record;
+    PeerAddress address;
+    TimeUs last_heard_us = 0;
+    bool heard = false;  // since this server started
+    Cell cell;           // where it is
+    std::optional<Cell> goal;
+    std::vector<std::uint32_t> to_acknowledge;  // taken over, not committed yet
+    std::uint32_t next_sequence = 1;
+    Downlink downlink;
+    std::optional<Command> command;
+    bool command_pending = false;
+    std::uint32_t command_sequence = 0;
+    TimeUs command_sent_us = 0;
+    TrafficCounters logged_traffic;
+  };
+  using Row = std::function<void(RunDatabase&)>;
+
+  void load();
+  Robot* robot_for(const DatagramHeader& header, const PeerAddress& from, TimeUs now_us);
+  void start_epoch(Robot& robot, std::uint32_t epoch, TimeUs now_us);
+  void meet(Robot& robot);
+  void handle_map_update(Robot& robot, std::uint32_t sequence, std::span<const std::uint8_t> body,
+                         TimeUs now_us);
+  bool accept_cell_size(std::int32_t cell_um);
+  bool has_room_for(const Robot& robot, std::span<const std::uint8_t> body);
+  void merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateReader& reader);
+  void handle_acknowledgement(Robot& robot, std::span<const std::uint8_t> body, TimeUs now_us);
+  void handle_hello(Robot& robot, std::uint32_t sequence, std::span<const std::uint8_t> body,
+                    TimeUs now_us);
+  void handle_status(Robot& robot, std::span<const std::uint8_t> body, TimeUs now_us);
+  void handle_found(Robot& robot, std::uint32_t sequence, std::span<const std::uint8_t> body,
+                    TimeUs now_us);
+  void take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us);
+
+  void commit(TimeUs now_us);
+  void log_traffic_and_progress(TimeUs now_us);
+  void acknowledge_committed(Robot& robot);
+  void tell_others();
+  void send_downlink(Robot& robot, TimeUs now_us);
+  bool send_downlink_datagram(Robot& robot, TimeUs now_us);
+  void send_command_if_due(Robot& robot, TimeUs now_us);
+  void set_command(Robot& robot, CommandCode code);
+  std::uint32_t send(Robot& robot, MessageKind kind, std::size_t body_size);
+
+  RunDatabase& database_;
+  DatagramSender& sender_;
+  std::uint32_t epoch_;
+  MapServerConfig config_;
+  MapServerCounters counters_;
+  MapStore map_;
+  std::map<std::uint16_t, Robot> robots_;
+  std::optional<std::int32_t> cell_um_;
+  std::optional<std::uint16_t> finder_;
+
+  std::set<std::pair<std::uint16_t, TileKey>> unsaved_tiles_;
+  std::vector<std::pair<std::uint16_t, TileChange>> uncommitted_changes_;
+  std::vector<Row> rows_;
+  std::set<std::uint16_t> unsaved_robots_;
+  TimeUs last_commit_us_ = 0;
+  TimeUs last_log_us_ = 0;
+  std::uint64_t logged_explored_ = 0;
+  std::uint64_t logged_obstacles_ = 0;
+  std::array<std::uint8_t, kMaxDatagramBytes> out_{};
+  std::array<std::uint8_t, kMaxBlockCells> cells_{};
+};
+
+}  // namespace ivfm::host

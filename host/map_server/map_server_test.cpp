@@ -1,0 +1,401 @@
+#include "host/map_server/map_server.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <random>
+
+#include "firmware/hal/fake/fake_datagram.h"
+#include "firmware/link/map_link.h"
+#include "host/map_server/scratch_folder.h"
+
+namespace ivfm::host {
+namespace {
+
+constexpr TimeUs kSecond = 1000000;
+constexpr TimeUs kTick = 50000;
+constexpr CellRect kWindow = {-40, -40, 100, 80};
+
+// A robot's map for tests.
+class TestMap final : public SharedMap {
+ public:
+  TestMap() {
+    for (auto* layers : {&own_, &peers_}) {
+      for (auto& layer : *layers) layer.resize(frame_.size());
+    }
+  }
+  Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const override {
+    if (!kWindow.contains(rect)) return Status::kOutOfRange;
+    std::size_t i = 0;
+    for_each(rect, [&](Cell c) { out[i++] = own_[at(layer)][frame_.index_of(c)]; });
+    return Status::kOk;
+  }
+  Status write_peers(Layer layer, const CellRect& rect,
+                     std::span<const std::uint8_t> cells) override {
+    std::size_t i = 0;
+    for_each(rect, [&](Cell c) {
+      if (frame_.contains(c)) peers_[at(layer)][frame_.index_of(c)] = cells[i];
+      ++i;
+    });
+    return Status::kOk;
+  }
+  std::uint8_t& own(Layer layer, Cell c) { return own_[at(layer)][frame_.index_of(c)]; }
+  std::uint8_t peers(Layer layer, Cell c) const { return peers_[at(layer)][frame_.index_of(c)]; }
+
+  template <typename Visit>
+  static void for_each(const CellRect& rect, Visit visit) {
+    for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+      for (std::int32_t x = rect.x; x < rect.right(); ++x) visit(Cell{x, y});
+    }
+  }
+
+ private:
+  static std::size_t at(Layer layer) { return static_cast<std::size_t>(layer); }
+  GridFrame frame_{50000, kWindow};
+  std::array<std::vector<std::uint8_t>, kLayerCount> own_, peers_;
+};
+
+PeerAddress address_of(std::size_t robot) {
+  PeerAddress address;
+  address.size = sizeof(sockaddr_in);
+  auto* v4 = reinterpret_cast<sockaddr_in*>(&address.storage);
+  v4->sin_family = AF_INET;
+  v4->sin_port = htons(static_cast<std::uint16_t>(robot));
+  return address;
+}
+
+// Robots with real links, each on a radio of its own, and a real server on a real database.
+class Team : public DatagramSender {
+ public:
+  explicit Team(std::size_t robots, std::uint32_t seed = 1, RadioFaults faults = {}) {
+    for (std::size_t i = 0; i < robots; ++i) {
+      auto member = std::make_unique<Member>(seed * 100 + static_cast<std::uint32_t>(i), faults);
+      MapLinkConfig config;
+      config.robot = static_cast<std::uint16_t>(i + 1);
+      config.epoch = 10;
+      config.name = "robot";
+      config.batch_period_us = 300000;
+      member->link.emplace(member->map, member->radio.robot(), config);
+      members_.push_back(std::move(member));
+    }
+    start_server();
+  }
+  ~Team() { stop_server(); }
+
+  void start_server() {
+    database_ = std::make_unique<RunDatabase>(folder_ / "run.db");
+    const std::uint32_t epoch = database_->begin_session(0, 1.0);
+    server_ = std::make_unique<MapServer>(*database_, *this, epoch);
+  }
+  // Like kill -9: nothing is finished.
+  void stop_server() {
+    server_.reset();
+    database_.reset();
+  }
+  void send(const PeerAddress& to, std::span<const std::uint8_t> datagram) override {
+    const auto robot = ntohs(reinterpret_cast<const sockaddr_in*>(&to.storage)->sin_port);
+    static_cast<void>(members_[robot - 1u]->radio.server().send(datagram));
+  }
+
+  void tick() {
+    now_ += kTick;
+    for (auto& member : members_) {
+      member->radio.set_now(now_);
+      member->link->step(now_, {});
+    }
+    std::array<std::uint8_t, kMaxDatagramBytes> buffer;
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      while (true) {
+        const auto size = members_[i]->radio.server().receive(buffer);
+        if (!size.ok()) break;
+        if (server_) server_->receive(address_of(i + 1), std::span(buffer).first(*size), now_);
+      }
+    }
+    if (server_) server_->step(now_);
+  }
+  void run(TimeUs duration_us) {
+    for (const TimeUs end = now_ + duration_us; now_ < end;) tick();
+  }
+  // Until everything is known everywhere, or time is up. A status message of every robot comes
+  // first, so that a server that has just started knows whom to tell.
+  bool settle(TimeUs limit_us) {
+    run(2 * kSecond);
+    for (const TimeUs end = now_ + limit_us; now_ < end;) {
+      tick();
+      bool done = server_ && server_->all_delivered();
+      for (auto& member : members_) done = done && member->link->all_acknowledged();
+      if (done) return true;
+    }
+    return false;
+  }
+
+  void visit(std::size_t robot, const CellRect& rect) {
+    TestMap& map = members_[robot]->map;
+    TestMap::for_each(rect, [&](Cell c) {
+      std::uint8_t& count = map.own(Layer::kVisits, c);
+      count = static_cast<std::uint8_t>(std::min(255, count + 1));
+    });
+    members_[robot]->link->mark_dirty(Layer::kVisits, rect);
+  }
+  void set_obstacles(std::size_t robot, const CellRect& rect, std::uint8_t value) {
+    TestMap& map = members_[robot]->map;
+    TestMap::for_each(rect, [&](Cell c) { map.own(Layer::kObstacles, c) = value; });
+    members_[robot]->link->mark_dirty(Layer::kObstacles, rect);
+  }
+
+  // The server's map is the sum of the robots', and each robot has the sum of the others'.
+  void expect_consistent(const std::string& note) {
+    TestMap::for_each(kWindow, [&](Cell c) {
+      unsigned visits = 0, obstacles = 0;
+      for (auto& member : members_) {
+        visits += member->map.own(Layer::kVisits, c);
+        obstacles += member->map.own(Layer::kObstacles, c);
+      }
+      const MapStore& map = server_->map();
+      ASSERT_EQ(map.merged_value(Layer::kVisits, c), std::min(255u, visits)) << note;
+      ASSERT_EQ(map.merged_value(Layer::kObstacles, c), std::min(1u, obstacles)) << note;
+      for (auto& member : members_) {
+        TestMap& robot = member->map;
+        ASSERT_EQ(robot.peers(Layer::kVisits, c),
+                  std::min(255u, visits - robot.own(Layer::kVisits, c)))
+            << note;
+        ASSERT_EQ(robot.peers(Layer::kObstacles, c),
+                  std::min(1u, obstacles - robot.own(Layer::kObstacles, c)))
+            << note;
+      }
+    });
+  }
+
+  MapServer& server() { return *server_; }
+  bool has_server() const { return server_ != nullptr; }
+  MapLink& link(std::size_t robot) { return *members_[robot]->link; }
+  FakeRadio& radio(std::size_t robot) { return members_[robot]->radio; }
+  std::size_t size() const { return members_.size(); }
+  TimeUs now_us() const { return now_; }
+  RunDatabase& database() { return *database_; }
+
+ private:
+  struct Member {
+    Member(std::uint32_t seed, RadioFaults faults) : radio(seed, faults) {}
+    FakeRadio radio;
+    TestMap map;
+    std::optional<MapLink> link;
+  };
+  ScratchFolder folder_;
+  TimeUs now_ = kSecond;
+  std::vector<std::unique_ptr<Member>> members_;
+  std::unique_ptr<RunDatabase> database_;
+  std::unique_ptr<MapServer> server_;
+};
+
+TEST(MapServer, RobotsSeeWhatTheOthersSaw) {
+  Team team(3);
+  team.visit(0, {0, 0, 10, 10});
+  team.visit(1, {5, 5, 10, 10});
+  team.set_obstacles(2, {-40, -40, 100, 1}, 1);
+  ASSERT_TRUE(team.settle(10 * kSecond));
+  team.expect_consistent("");
+  EXPECT_EQ(team.server().robot_count(), 3u);
+  EXPECT_EQ(team.server().counters().dropped(), 0u);
+}
+
+TEST(MapServer, AcknowledgesOnlyWhatIsCommitted) {
+  Team team(1);
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  team.visit(0, {0, 0, 10, 10});
+  while (!team.link(0).all_acknowledged()) team.tick();
+  team.stop_server();  // at once, without a last commit
+  team.start_server();
+  EXPECT_EQ(team.server().map().robot_value(1, Layer::kVisits, {5, 5}), 1);
+}
+
+TEST(MapServer, GoesOnAfterARestartAndTellsEverybodyEverything) {
+  Team team(2);
+  team.visit(0, {0, 0, 10, 10});
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  team.stop_server();
+  team.visit(1, {3, 3, 10, 10});
+  team.run(3 * kSecond);
+  team.start_server();
+  EXPECT_EQ(team.server().cell_um(), 50000);
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  team.expect_consistent("");
+}
+
+TEST(MapServer, ARobotThatJoinsLateIsToldEverything) {
+  Team team(2);
+  team.radio(1).set_partitioned(true);
+  team.visit(0, {-40, -40, 100, 80});
+  team.run(20 * kSecond);
+  EXPECT_EQ(team.server().robot_count(), 1u);
+  team.radio(1).set_partitioned(false);
+  team.run(20 * kSecond);
+  ASSERT_TRUE(team.settle(20 * kSecond));
+  team.expect_consistent("");
+}
+
+TEST(MapServer, SendsOnlyWhatChangedSinceTheLastAcknowledgement) {
+  Team team(2);
+  team.visit(0, {-40, -40, 100, 80});
+  ASSERT_TRUE(team.settle(10 * kSecond));
+  const auto before = team.link(1).counters().regions_received;
+  team.run(10 * kSecond);
+  EXPECT_EQ(team.link(1).counters().regions_received, before);
+  team.visit(0, {1, 1, 2, 2});
+  ASSERT_TRUE(team.settle(10 * kSecond));
+  EXPECT_EQ(team.link(1).counters().regions_received, before + 1);
+}
+
+TEST(MapServer, AFindEndsTheSearchForTheOthers) {
+  Team team(3);
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  team.radio(2).set_partitioned(true);
+  team.link(0).report_found({1000000, 2000000});
+  team.run(3 * kSecond);
+  EXPECT_FALSE(team.link(0).take_command().has_value());
+  EXPECT_EQ(team.link(1).take_command(), CommandCode::kFound);
+  EXPECT_FALSE(team.link(2).take_command().has_value());
+  team.stop_server();  // the server remembers
+  team.start_server();
+  team.radio(2).set_partitioned(false);
+  team.run(20 * kSecond);
+  EXPECT_EQ(team.link(2).take_command(), CommandCode::kFound);
+}
+
+TEST(MapServer, CommandsAreRepeatedUntilAcknowledged) {
+  Team team(2);
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  team.radio(0).set_partitioned(true);
+  team.server().send_command_to_all(CommandCode::kReturn);
+  team.run(2 * kSecond);
+  team.radio(0).set_partitioned(false);
+  team.run(2 * kSecond);
+  EXPECT_EQ(team.link(0).take_command(), CommandCode::kReturn);
+  EXPECT_EQ(team.link(1).take_command(), CommandCode::kReturn);
+  team.server().send_command(2, CommandCode::kStop);
+  team.run(2 * kSecond);
+  EXPECT_FALSE(team.link(0).take_command().has_value());
+  EXPECT_EQ(team.link(1).take_command(), CommandCode::kStop);
+}
+
+TEST(MapServer, CellsOfAnotherSizeAreRefused) {
+  Team team(1);
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  MapUpdateWriter writer(body_of(out), 15625, {});
+  ASSERT_EQ(writer.add(Layer::kVisits, {0, 0, 1, 1}, std::vector<std::uint8_t>{1}), Status::kOk);
+  const auto size = seal_datagram({1, 10, 1000, MessageKind::kMapUpdate}, writer.size(), out);
+  team.server().receive(address_of(1), std::span(out).first(*size), team.now_us());
+  EXPECT_EQ(team.server().counters().dropped_cell_size, 1u);
+  EXPECT_EQ(team.server().map().explored_cells(), 0u);
+}
+
+TEST(MapServer, ADelayedDatagramFromBeforeTheRobotsRestartIsDropped) {
+  Team team(1);
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  MapUpdateWriter writer(body_of(out), 50000, {});
+  ASSERT_EQ(writer.add(Layer::kVisits, {0, 0, 1, 1}, std::vector<std::uint8_t>{1}), Status::kOk);
+  const auto size = seal_datagram({1, 9, 1000, MessageKind::kMapUpdate}, writer.size(), out);
+  team.server().receive(address_of(1), std::span(out).first(*size), team.now_us());
+  EXPECT_EQ(team.server().counters().dropped_stale, 1u);
+}
+
+TEST(MapServer, LimitsAreKeptWhateverComes) {
+  Team team(1);
+  MapServerConfig config;
+  config.max_robots = 2;
+  config.max_tiles = 4;
+  ScratchFolder folder;
+  RunDatabase database(folder / "run.db");
+  MapServer server(database, team, 1, config);
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  for (std::uint16_t robot = 1; robot <= 3; ++robot) {
+    for (std::int32_t i = 0; i < 5; ++i) {
+      MapUpdateWriter writer(body_of(out), 50000, {});
+      ASSERT_EQ(writer.add(Layer::kVisits, {i * 1000, 0, 1, 1}, std::vector<std::uint8_t>{1}),
+                Status::kOk);
+      const auto size =
+          seal_datagram({robot, 1, static_cast<std::uint32_t>(i + 1), MessageKind::kMapUpdate},
+                        writer.size(), out);
+      server.receive(address_of(1), std::span(out).first(*size), kSecond);
+    }
+  }
+  EXPECT_EQ(server.robot_count(), 2u);
+  EXPECT_EQ(server.map().tile_count(), 4u);
+  EXPECT_EQ(server.counters().dropped_full, 11u);
+}
+
+TEST(MapServer, GarbageIsCountedAndDropped) {
+  Team team(1);
+  std::mt19937 random(1);
+  for (int i = 0; i < 20000; ++i) {
+    std::vector<std::uint8_t> bytes(random() % 60);
+    for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random() & 0xffu);
+    team.server().receive(address_of(1), bytes, kSecond);
+  }
+  EXPECT_EQ(team.server().counters().dropped_malformed, 20000u);
+  EXPECT_EQ(team.server().robot_count(), 0u);
+}
+
+// Right envelopes around wrong bodies: what a hostile robot could send.
+TEST(MapServer, RandomBodiesInRightEnvelopesNeverHarm) {
+  Team team(1);
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  std::mt19937 random(2);
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  for (std::uint32_t i = 0; i < 20000; ++i) {
+    const std::size_t size = random() % 60;
+    for (std::size_t k = 0; k < size; ++k) {
+      body_of(out)[k] = static_cast<std::uint8_t>(random() & 0xffu);
+    }
+    const auto kind = static_cast<MessageKind>(1 + random() % 5);
+    const auto sealed = seal_datagram({2, 1, i + 1, kind}, size, out);
+    team.server().receive(address_of(1), std::span(out).first(*sealed), team.now_us());
+  }
+  team.run(kSecond);
+  EXPECT_LE(team.server().robot_count(), 2u);
+}
+
+TEST(MapServerProperty, NothingIsLostOnABadRadioWithServersThatAreKilled) {
+  for (std::uint32_t seed = 1; seed <= 12; ++seed) {
+    std::mt19937 random(seed);
+    Team team(2 + seed % 3, seed, {300, 100, 30, 30, 300000});
+    const TimeUs faulty_until = team.now_us() + 30 * kSecond;
+    while (team.now_us() < faulty_until) {
+      team.tick();
+      const std::size_t robot = random() % team.size();
+      const CellRect rect{static_cast<std::int32_t>(random() % 80) - 40,
+                          static_cast<std::int32_t>(random() % 60) - 40,
+                          static_cast<std::int32_t>(1 + random() % 20),
+                          static_cast<std::int32_t>(1 + random() % 20)};
+      if (random() % 4 == 0) team.visit(robot, rect);
+      if (random() % 4 == 0) team.set_obstacles(robot, rect, random() % 2 ? 1 : 0);
+      if (random() % 200 == 0) team.radio(robot).set_partitioned(random() % 2 == 0);
+      if (random() % 150 == 0) {
+        if (team.has_server()) {
+          team.stop_server();
+        } else {
+          team.start_server();
+        }
+      }
+    }
+    for (std::size_t i = 0; i < team.size(); ++i) {
+      team.radio(i).set_partitioned(false);
+      team.radio(i).set_faults({});
+    }
+    if (!team.has_server()) team.start_server();
+    ASSERT_TRUE(team.settle(120 * kSecond)) << "seed " << seed;
+    // What was delayed in the air arrives late and must change nothing.
+    team.run(2 * kSecond);
+    ASSERT_TRUE(team.settle(60 * kSecond));
+    team.expect_consistent("seed " + std::to_string(seed));
+    team.stop_server();
+    team.start_server();
+    ASSERT_TRUE(team.settle(60 * kSecond));
+    team.expect_consistent("after a restart, seed " + std::to_string(seed));
+  }
+}
+
+}  // namespace
+}  // namespace ivfm::host

@@ -1,0 +1,107 @@
+// The run database: everything a fleet did, in one SQLite file (docs/run_database.md).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "host/map_server/map_store.h"
+#include "host/map_server/sqlite.h"
+#include "shared/geometry/pose.h"
+#include "shared/wire/messages.h"
+
+namespace ivfm::host {
+
+inline constexpr std::int64_t kRunDatabaseId = 0x4956464d;  // "IVFM", PRAGMA application_id
+inline constexpr std::int64_t kRunDatabaseVersion = 1;      // PRAGMA user_version
+
+// Since the run began. Bytes count 28 for the IP and UDP headers of each datagram.
+struct TrafficCounters {
+  std::uint64_t datagrams_in = 0;
+  std::uint64_t bytes_in = 0;
+  std::uint64_t datagrams_out = 0;
+  std::uint64_t bytes_out = 0;
+  bool operator==(const TrafficCounters&) const = default;
+};
+
+struct RobotRecord {
+  std::uint16_t robot = 0;
+  std::string name;
+  std::uint32_t epoch = 0;
+  std::int64_t first_seen_us = 0;
+  std::int64_t last_seen_us = 0;
+  TrafficCounters traffic;
+};
+
+// Written by the map server alone; others read the file (map_reader.h) while it works. All methods
+// throw DatabaseError. Times are microseconds since the run began, on the server's clock.
+class RunDatabase {
+ public:
+  // Opens a run to go on with it, or creates it. Throws std::runtime_error with one sentence when
+  // the file cannot be written, is not a run database, or another server has it.
+  explicit RunDatabase(const std::filesystem::path& path);
+  ~RunDatabase();
+  RunDatabase(const RunDatabase&) = delete;
+  RunDatabase& operator=(const RunDatabase&) = delete;
+
+  // A new start of the server: an epoch greater than every earlier one's, at least
+  // `unix_time_us` in seconds. Durable when this returns.
+  std::uint32_t begin_session(std::int64_t unix_time_us, double time_scale);
+  void end_session(std::int64_t unix_time_us);
+
+  // What is stored.
+  std::vector<RobotRecord> load_robots();
+  void load_tiles(MapStore& store);
+  std::optional<std::int32_t> cell_um();
+  std::int64_t last_time_us();
+  std::optional<std::uint16_t> finder();
+
+  // Between begin() and commit() the writes are one transaction: all durable or none.
+  void begin();
+  void commit();
+  void rollback();
+  void save_cell_um(std::int32_t cell_um);
+  void save_time(std::int64_t time_us);
+  void save_robot(const RobotRecord& robot);
+  void save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile);
+  void add_pose(std::int64_t time_us, std::uint16_t robot, const Pose& pose);
+  void add_goal(std::int64_t time_us, std::uint16_t robot, Cell goal);
+  void add_status(std::int64_t time_us, std::uint16_t robot, const RobotStatus& status);
+  void add_event(std::int64_t time_us, std::optional<std::uint16_t> robot, std::string_view kind,
+                 std::string_view detail);
+  void add_traffic(std::int64_t time_us, std::uint16_t robot, const TrafficCounters& traffic);
+  void add_progress(std::int64_t time_us, std::uint64_t explored_cells,
+                    std::uint64_t obstacle_cells);
+
+ private:
+  // Keeps other servers out: a lock on the file, taken before and released after SQLite has it.
+  class FileLock {
+   public:
+    explicit FileLock(const std::filesystem::path& path);
+    ~FileLock();
+    FileLock(const FileLock&) = delete;
+    FileLock& operator=(const FileLock&) = delete;
+
+   private:
+    int fd_;
+  };
+
+  static SqliteConnection open_checked(const std::filesystem::path& path);
+  SqliteStatement& statement(const char* sql);
+
+  FileLock lock_;
+  SqliteConnection connection_;
+  std::map<const char*, SqliteStatement> statements_;
+};
+
+// Throws std::runtime_error with one sentence when `connection`'s file is not a run database that
+// this build understands. An empty file passes when `allow_empty`.
+void check_run_database(SqliteConnection& connection, const std::filesystem::path& path,
+                        bool allow_empty);
+
+}  // namespace ivfm::host

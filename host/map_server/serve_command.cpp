@@ -1,0 +1,154 @@
+#include "host/map_server/serve_command.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <csignal>
+#include <iomanip>
+#include <iostream>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+
+#include "host/map_server/map_server.h"
+#include "host/map_server/run_database.h"
+#include "host/map_server/udp_listener.h"
+
+namespace ivfm::host {
+namespace {
+
+constexpr int kMaxDatagramsPerTurn = 1000;
+
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void request_stop(int) { stop_requested = true; }
+
+std::int64_t unix_time_us() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::microseconds>(now).count();
+}
+
+// The run's time: goes on where the last session ended, `scale` times as fast as the wall clock.
+class RunClock {
+ public:
+  RunClock(std::int64_t start_us, double scale)
+      : start_us_(static_cast<double>(start_us)), scale_(scale) {}
+  TimeUs now_us() const {
+    const std::chrono::duration<double, std::micro> elapsed =
+        std::chrono::steady_clock::now() - begin_;
+    return static_cast<TimeUs>(start_us_ + elapsed.count() * scale_) + 1;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+  double start_us_;
+  double scale_;
+};
+
+std::string kib(std::uint64_t bytes) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << static_cast<double>(bytes) / 1024.0 << " KiB";
+  return text.str();
+}
+
+std::string summary(const MapServer& server, TimeUs now_us) {
+  const MapServerCounters& counters = server.counters();
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << static_cast<double>(now_us) / 1e6 << " s  "
+       << server.robot_count() << (server.robot_count() == 1 ? " robot  " : " robots  ")
+       << server.map().explored_cells() << " cells explored  in " << kib(counters.traffic.bytes_in)
+       << "  out " << kib(counters.traffic.bytes_out) << "  dropped " << counters.dropped();
+  return text.str();
+}
+
+// A line a second, rewritten in place, when somebody looks.
+class StatusLine {
+ public:
+  StatusLine() : shown_(::isatty(STDERR_FILENO) == 1) {}
+  ~StatusLine() {
+    if (shown_) std::cerr << '\n';
+  }
+  void update(const MapServer& server, TimeUs now_us) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!shown_ || now < next_) return;
+    next_ = now + std::chrono::seconds(1);
+    std::cerr << '\r' << summary(server, now_us) << "\x1b[K" << std::flush;
+  }
+
+ private:
+  bool shown_;
+  std::chrono::steady_clock::time_point next_{};
+};
+
+void receive_all(UdpListener& listener, MapServer& server, TimeUs now_us) {
+  // One byte more than a datagram may have, so that a longer one is seen to be too long.
+  std::array<std::uint8_t, kMaxDatagramBytes + 1> buffer;
+  for (int i = 0; i < kMaxDatagramsPerTurn; ++i) {
+    const auto datagram = listener.receive(buffer);
+    if (!datagram) return;
+    server.receive(datagram->second, std::span(buffer).first(datagram->first), now_us);
+  }
+}
+
+void refuse_http(const std::string& address) {
+  if (address.empty()) return;
+  throw std::runtime_error("--http " + address +
+                           ": this version has no live page yet; leave the option out");
+}
+
+}  // namespace
+
+void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostream& out) {
+  UdpListener listener(options.listen);
+  RunDatabase database(options.database);
+  const std::uint32_t epoch = database.begin_session(unix_time_us(), options.time_scale);
+  const RunClock clock(database.last_time_us(), options.time_scale);
+  const MapServerConfig config;
+  MapServer server(database, listener, epoch, config);
+  out << "listening on " << listener.text() << ", writing " << options.database << std::endl;
+  const double period_ms = static_cast<double>(config.commit_period_us) / 2000.0;
+  const int wait_ms = std::max(1, static_cast<int>(period_ms / options.time_scale));
+  {
+    StatusLine status;
+    while (!stop) {
+      listener.wait(wait_ms);
+      const TimeUs now_us = clock.now_us();
+      receive_all(listener, server, now_us);
+      server.step(now_us);
+      status.update(server, now_us);
+    }
+  }
+  receive_all(listener, server, clock.now_us());
+  server.finish(clock.now_us());
+  database.end_session(unix_time_us());
+  out << summary(server, clock.now_us()) << std::endl;
+}
+
+void add_serve_command(CLI::App& app, CommandAction& action) {
+  CLI::App* command = app.add_subcommand("serve", "Merge the robots' maps and share them (UDP)");
+  auto options = std::make_shared<ServeOptions>();
+  auto http = std::make_shared<std::string>();
+  command->add_option("--listen", options->listen, "HOST:PORT for the robots; port 0: a free one")
+      ->capture_default_str();
+  command->add_option("--db", options->database, "run database; an existing one is continued")
+      ->capture_default_str();
+  command->add_option("--http", *http, "HOST:PORT of the live page (not in this version)");
+  command->add_option("--time-scale", options->time_scale, "times faster than the wall clock")
+      ->check(CLI::Range(0.01, 1000.0))
+      ->capture_default_str();
+  command->footer("Example: ivfm serve --listen 0.0.0.0:7700 --db run.db");
+  command->callback([options, http, &action] {
+    action = [options, http] {
+      refuse_http(*http);
+      std::signal(SIGINT, request_stop);
+      std::signal(SIGTERM, request_stop);
+      serve(*options, stop_requested, std::cout);
+      return 0;
+    };
+  });
+}
+
+}  // namespace ivfm::host

@@ -1,0 +1,24 @@
+// `ivfm serve`: the map server as a process.
+#pragma once
+
+#include <atomic>
+#include <iosfwd>
+#include <string>
+
+#include "host/cli/commands.h"
+
+namespace ivfm::host {
+
+struct ServeOptions {
+  std::string listen = "127.0.0.1:7700";  // HOST:PORT; port 0 takes a free one
+  std::string database = "run.db";
+  double time_scale = 1.0;  // how many seconds pass for the server in one second
+};
+
+// Serves until `stop` becomes true. Says on `out` where it listens, then at the end what it holds.
+// Throws std::runtime_error with one sentence when it cannot start or go on.
+void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostream& out);
+
+void add_serve_command(CLI::App& app, CommandAction& action);
+
+}  // namespace ivfm::host
