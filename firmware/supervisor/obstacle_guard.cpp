@@ -68,7 +68,7 @@ Pose relative_pose(const Pose& from, const Pose& of) {
   return {transform(Pose{{0, 0}, -from.heading}, dx, dy), of.heading - from.heading};
 }
 
-std::int32_t free_travel_mm(const Scan& scan, const Pose& robot_in_scan, const Velocity& motion,
+std::int32_t free_travel_mm(const Obstacles& obstacles, const Pose& pose, const Velocity& motion,
                             std::int32_t radius_mm, std::int32_t horizon_mm) {
   if (motion.v_um_s == 0) return horizon_mm;
   const std::int64_t speed = std::abs(std::int64_t{motion.v_um_s});
@@ -78,19 +78,24 @@ std::int32_t free_travel_mm(const Scan& scan, const Pose& robot_in_scan, const V
   const int ahead = motion.v_um_s > 0 ? 1 : -1;
   const int turn_side = motion.omega_mrad_s > 0 ? ahead : -ahead;
   const std::int64_t reach = std::int64_t{horizon_mm} + radius_mm;
-
-  const BinaryAngle to_robot = -robot_in_scan.heading;
-  const Point offset =
-      transform(Pose{{0, 0}, to_robot}, -robot_in_scan.position.x_um, -robot_in_scan.position.y_um);
   std::int64_t nearest = horizon_mm;
-  for (const ScanPoint& point : scan.points()) {
-    if (point.echo != Echo::kHit) continue;
-    const BinaryAngle bearing = point.bearing + to_robot;
-    const std::int32_t x = scale_q30(point.range_mm, cos_q30(bearing)) + offset.x_um / 1000;
-    const std::int32_t y = scale_q30(point.range_mm, sin_q30(bearing)) + offset.y_um / 1000;
-    const Hit hit{std::int64_t{x} * ahead, std::int64_t{y} * turn_side};
-    if (hit.squared_distance() > reach * reach) continue;
+  const auto consider = [&](std::int64_t x_mm, std::int64_t y_mm) {
+    const Hit hit{x_mm * ahead, y_mm * turn_side};
+    if (hit.squared_distance() > reach * reach) return;
     nearest = std::min(nearest, travel_to(hit, radius_mm, turn_radius));
+  };
+
+  // T_robot_scan: from the robot's frame at the time of the scan to the one now.
+  const Pose scan_in_robot = relative_pose(pose, obstacles.pose_at_scan);
+  for (const ScanPoint& point : obstacles.scan.points()) {
+    if (point.echo != Echo::kHit) continue;
+    const BinaryAngle bearing = point.bearing + scan_in_robot.heading;
+    consider(scale_q30(point.range_mm, cos_q30(bearing)) + scan_in_robot.position.x_um / 1000,
+             scale_q30(point.range_mm, sin_q30(bearing)) + scan_in_robot.position.y_um / 1000);
+  }
+  for (const Point& point : obstacles.points) {
+    const Point seen = relative_pose(pose, {point, BinaryAngle()}).position;
+    consider(seen.x_um / 1000, seen.y_um / 1000);
   }
   return static_cast<std::int32_t>(nearest);
 }

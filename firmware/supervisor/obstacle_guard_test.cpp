@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -23,8 +24,8 @@ Scan scan_with_hit(double x_mm, double y_mm) {
   return scan;
 }
 
-std::int32_t free_travel(const Scan& scan, const Velocity& motion, const Pose& robot = {}) {
-  return free_travel_mm(scan, robot, motion, kRadiusMm, kHorizonMm);
+std::int32_t free_travel(const Scan& scan, const Velocity& motion, const Pose& pose = {}) {
+  return free_travel_mm({scan, Pose{}, {}}, pose, motion, kRadiusMm, kHorizonMm);
 }
 
 TEST(ObstacleGuard, AWallAheadIsTouchedOneRadiusBeforeIt) {
@@ -118,6 +119,13 @@ TEST(ObstacleGuard, TheRobotsMotionSinceTheScanCounts) {
   EXPECT_NEAR(free_travel(scan, kAhead, moved_on), 500, 2);
   const Pose turned_left{{0, 0}, BinaryAngle::from_degrees(90)};
   EXPECT_EQ(free_travel(scan, kAhead, turned_left), kHorizonMm);
+}
+
+TEST(ObstacleGuard, FurtherPointsCountAsHits) {
+  const std::array points{Point{1'000'000, 500'000}};
+  const Pose facing_it{{0, 500'000}, BinaryAngle()};
+  EXPECT_NEAR(free_travel_mm({Scan{}, Pose{}, points}, facing_it, kAhead, kRadiusMm, kHorizonMm),
+              800, 1);
 }
 
 TEST(ObstacleGuard, RelativePoseIsSeenFromTheFirst) {

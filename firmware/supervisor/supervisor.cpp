@@ -27,6 +27,7 @@ bool is_mission(RobotEvent event) {
 Velocity Supervisor::gate(const Velocity& setpoint, const SupervisorInputs& inputs, TimeUs now_us) {
   reasons_ = {};
   find_faults(inputs, now_us);
+  remember_near_hits(inputs);
   advance(inputs, now_us);
   if (!may_move()) {
     braking_ = false;
@@ -60,6 +61,13 @@ void Supervisor::find_faults(const SupervisorInputs& inputs, TimeUs now_us) {
   well_ = reasons_.none();
   if (well_ && !was_well) well_since_us_ = now_us;
   reasons_.set(StopReason::kStopCommand, inputs.stop_requested);
+}
+
+// A scan is new when its age is smaller than at the last call.
+void Supervisor::remember_near_hits(const SupervisorInputs& inputs) {
+  const bool new_scan = inputs.scan != nullptr && inputs.lidar_age_us < last_lidar_age_us_;
+  last_lidar_age_us_ = inputs.lidar_age_us;
+  if (new_scan) blind_zone_.update(*inputs.scan, inputs.pose_at_scan);
 }
 
 void Supervisor::advance(const SupervisorInputs& inputs, TimeUs now_us) {
@@ -98,10 +106,10 @@ Velocity Supervisor::limit_to_range(const Velocity& setpoint) {
 // faster than it can gently stop at the full one. Turning on the spot always passes: it is a disc.
 Velocity Supervisor::limit_by_obstacles(const Velocity& setpoint, const SupervisorInputs& inputs) {
   const std::int32_t radius_mm = (config_.robot_radius_um - config_.side_tolerance_um) / 1000;
-  const Pose robot_in_scan = relative_pose(inputs.pose_at_scan, inputs.pose);
+  const Obstacles obstacles{*inputs.scan, inputs.pose_at_scan, blind_zone_.points()};
   const auto free_along = [&](const Velocity& motion, std::int32_t clearance_um) {
     const std::int32_t free_mm =
-        free_travel_mm(*inputs.scan, robot_in_scan, motion, radius_mm, kHorizonMm);
+        free_travel_mm(obstacles, inputs.pose, motion, radius_mm, kHorizonMm);
     return std::max(0, free_mm - (config_.side_tolerance_um + clearance_um) / 1000);
   };
   const std::int32_t safe_measured =

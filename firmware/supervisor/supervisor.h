@@ -5,6 +5,7 @@
 
 #include "firmware/hal/clock.h"
 #include "firmware/lidar/scan.h"
+#include "firmware/supervisor/blind_zone.h"
 #include "firmware/supervisor/supervisor_table.h"
 #include "shared/geometry/pose.h"
 #include "shared/geometry/velocity.h"
@@ -50,7 +51,9 @@ struct SupervisorConfig {
   std::uint32_t recovery_us = 500'000;
   std::int32_t robot_radius_um = 105'000;
   // Hits that reach less than this into the side of the robot's corridor are lidar noise.
-  std::int32_t side_tolerance_um = 15'000;
+  std::int32_t side_tolerance_um = 5'000;
+  // Nearer hits the lidar does not report (0.15 m, with a margin): they are remembered.
+  std::int32_t lidar_blind_um = 170'000;
   // Kept free between the robot and an obstacle ahead, at standstill.
   std::int32_t clearance_um = 30'000;
   std::int32_t max_speed_um_s = 500'000;
@@ -77,7 +80,8 @@ struct SupervisorInputs {
 
 class Supervisor {
  public:
-  explicit Supervisor(const SupervisorConfig& config) : config_(config) {}
+  explicit Supervisor(const SupervisorConfig& config)
+      : config_(config), blind_zone_(config.lidar_blind_um) {}
 
   // What may go to the wheels instead of `setpoint`. Call it once a control period, also when the
   // setpoint is zero. `now_us` must not go back; when it does, that is an internal error.
@@ -99,6 +103,7 @@ class Supervisor {
  private:
   void find_faults(const SupervisorInputs& inputs, TimeUs now_us);
   bool has_fault() const;
+  void remember_near_hits(const SupervisorInputs& inputs);
   void advance(const SupervisorInputs& inputs, TimeUs now_us);
   bool apply(RobotEvent event);
   Velocity limit_to_range(const Velocity& setpoint);
@@ -106,6 +111,8 @@ class Supervisor {
   std::int32_t safe_speed_um_s(std::int32_t free_mm, std::int32_t deceleration_um_s2) const;
 
   SupervisorConfig config_;
+  BlindZone blind_zone_;
+  std::uint32_t last_lidar_age_us_ = kNeverUs;
   RobotState state_ = RobotState::kBoot;
   StopReasons reasons_;
   // What to go on with from kReady: the last mission event.

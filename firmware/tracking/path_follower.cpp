@@ -16,6 +16,8 @@ constexpr std::int64_t kProgressUm = 20'000;
 constexpr std::int32_t kProgressRaw = 546;  // 3 degrees
 // The share of the acceleration that an approach plans with; the rest corrects.
 constexpr std::int64_t kPlannedPercent = 80;
+// The path's beginning need not lie exactly under the robot: it is planned between cells.
+constexpr std::int64_t kJoinToleranceUm = 60'000;
 
 std::int64_t root(std::int64_t square) {
   return integer_sqrt(static_cast<std::uint64_t>(std::max<std::int64_t>(0, square)));
@@ -89,7 +91,9 @@ bool PathFollower::passed_next_waypoint(Point position) const {
   const std::int64_t y = std::int64_t{position.y_um} - begin.y_um;
   const std::int64_t length = distance_um(begin, end);
   const std::int64_t aside = std::abs(x * along_y - y * along_x);
-  return x * along_x + y * along_y > 0 && aside <= config_.waypoint_tolerance_um * length;
+  const std::int64_t tolerance =
+      next_ == 0 ? kJoinToleranceUm : std::int64_t{config_.waypoint_tolerance_um};
+  return x * along_x + y * along_y > 0 && aside <= tolerance * length;
 }
 
 bool PathFollower::at_goal(Point position) const {

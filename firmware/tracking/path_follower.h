@@ -18,7 +18,7 @@ struct FollowerConfig {
   std::int32_t acceleration_um_s2 = 500'000;  // also of braking
   std::int32_t turn_acceleration_mrad_s2 = 4'000;
   std::int32_t goal_tolerance_um = 40'000;      // the last waypoint counts as reached
-  std::int32_t waypoint_tolerance_um = 60'000;  // the others
+  std::int32_t waypoint_tolerance_um = 20'000;  // the others: how far corners are cut
   // Beyond this heading error it stops and turns on the spot, until it is below the second one.
   BinaryAngle turn_on_spot_above = BinaryAngle::from_degrees(40);
   BinaryAngle drive_below = BinaryAngle::from_degrees(8);

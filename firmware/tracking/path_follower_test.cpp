@@ -123,15 +123,15 @@ TEST_F(PathFollowerTest, StaysNearAPathWithRightAngles) {
   expect_goal_reached(path, drive);
   std::vector<Point> whole = path;
   whole.insert(whole.begin(), Point{});
-  for (const Point& p : drive.track) EXPECT_LE(distance_to_path_m(p, whole), 0.07);
+  for (const Point& p : drive.track) EXPECT_LE(distance_to_path_m(p, whole), 0.025);
 }
 
 TEST_F(PathFollowerTest, FollowsADensePathOfCellSteps) {
-  std::vector<Point> path;
+  std::vector<Point> path{{0, 0}};
   for (int i = 1; i <= 40; ++i) path.push_back({i * 50'000, (i / 2) * 50'000});
   const Drive drive = follow(path);
   expect_goal_reached(path, drive);
-  for (const Point& p : drive.track) EXPECT_LE(distance_to_path_m(p, path), 0.08);
+  for (const Point& p : drive.track) EXPECT_LE(distance_to_path_m(p, path), 0.04);
 }
 
 TEST_F(PathFollowerTest, APathThatBeginsBehindTheRobotIsJoinedWhereTheRobotIs) {

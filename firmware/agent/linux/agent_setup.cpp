@@ -23,7 +23,9 @@ ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um
   if (options.visit_fov_deg < 360) {
     config.fusion.footprint.half_angle = BinaryAngle::from_degrees(options.visit_fov_deg / 2).raw();
   }
-  config.robot_radius_um = to_um(options.robot_radius_m) + cell_um / 2;
+  // Distances between cells are those of their middles: an obstacle's edge and the robot may both be
+  // half a cell nearer.
+  config.robot_radius_um = to_um(options.robot_radius_m) + cell_um;
   config.min_goal_distance_um = config.robot_radius_um;
   config.return_to_start = options.return_home;
   return config;
