@@ -104,6 +104,34 @@ TEST_F(RunDatabaseTest, KeepsTheLogs) {
   EXPECT_EQ(count("PRAGMA application_id"), kRunDatabaseId);
 }
 
+// The columns of a table as docs/run_database.md lists them, in order.
+std::string documented_columns(const std::string& table) {
+  std::ifstream file(IVFM_SOURCE_DIR "/docs/run_database.md");
+  std::string line;
+  while (std::getline(file, line)) {
+    if (!line.starts_with("| `" + table + "` |")) continue;
+    std::string columns;
+    for (const char c : line.substr(line.rfind('|', line.size() - 2) + 1)) {
+      if (c != '`' && c != ' ' && c != '|') columns += c;
+    }
+    return columns;
+  }
+  return "no row for this table";
+}
+
+TEST_F(RunDatabaseTest, TheDocumentListsEveryTableAndColumn) {
+  { RunDatabase database(path_); }
+  SqliteConnection connection(path_, SqliteConnection::Mode::kRead);
+  SqliteStatement tables(connection,
+                         "SELECT m.name, group_concat(c.name) FROM sqlite_master m, "
+                         "pragma_table_info(m.name) c WHERE m.type = 'table' GROUP BY m.name");
+  int count = 0;
+  for (; tables.row(); ++count) {
+    EXPECT_EQ(documented_columns(tables.text(0)), tables.text(1)) << tables.text(0);
+  }
+  EXPECT_EQ(count, 10);
+}
+
 TEST_F(RunDatabaseTest, ASecondServerIsKeptOut) {
   RunDatabase first(path_);
   EXPECT_THAT(failure(path_), HasSubstr("is in use by another map server"));
