@@ -35,9 +35,8 @@ bench: build ## Measure the parts of a decision against MRPT, and decisions a se
 	@for bench in $(HOST)/tests/bench/*_bench; do echo "== $$(basename $$bench)"; $$bench $(ARGS); done
 
 .PHONY: hil
-hil: ## Hardware in the loop: the cross-built robot on an emulated machine
-	@echo "make hil: not there yet; today 'make cross' runs the robot builds' tests under QEMU" >&2
-	@exit 1
+hil: deps ## Hardware in the loop: the cross-built robot's CAN on an emulated machine
+	@hil/run.sh
 
 .PHONY: cross
 cross: deps ## Build the robot for aarch64, armhf and Cortex-M7; test the first two under QEMU
