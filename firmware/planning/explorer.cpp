@@ -132,7 +132,8 @@ Decision Explorer::select_global_goal(const Pose& pose) {
   paths_.compute(map_, robot_cell(pose), everything);
   Decision decision;
   // Frontiers that were tried in vain several times are given up, so this loop ends.
-  while (const auto frontier = nearest_frontier(map_, paths_, everything, stand_off_cells())) {
+  while (const auto frontier = nearest_frontier(map_, paths_, everything, stand_off_cells(),
+                                                config_.min_frontier_size)) {
     tries_at_frontier_ = frontier->frontier == last_frontier_ ? tries_at_frontier_ + 1 : 0;
     last_frontier_ = frontier->frontier;
     if (tries_at_frontier_ > 3) {

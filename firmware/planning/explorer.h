@@ -23,6 +23,8 @@ struct ExplorerConfig {
   std::int32_t pool = 8;                   // map cells along a policy cell's side
   // Fewer reachable frontier cells than this in the local map: nothing worth visiting there.
   std::int32_t min_local_frontier = 6;
+  // Smaller frontiers of the whole map are taken for noise.
+  std::int32_t min_frontier_size = 1;
   // Goals nearer than this are no moves.
   std::int32_t min_goal_distance_um = 105'000;
   // After so many local actions in a row that saw fewer than `min_gain_cells` new cells, the next
@@ -49,6 +51,7 @@ struct ExplorerConfig {
     ExplorerConfig c;
     c.fusion.footprint = VisitFootprint::sector(visit_range_um, BinaryAngle(std::uint16_t{0x8000}));
     c.paths.unknown_is_traversable = false;
+    c.min_frontier_size = 3;
     const std::int32_t pool = (visit_range_um * 4 / cell_um + 31) / 32;
     c.pool = pool < 1 ? 1 : (pool > kMaxPool ? kMaxPool : pool);
     return c;
@@ -111,8 +114,8 @@ class Explorer {
   Decision select_return(const Pose& pose);
   // Any map cell as a goal; computes the shortest path map of the whole map. kUnavailable as above.
   Status select_cell(const Pose& pose, Cell goal, Decision& out);
-  // Whether the last decision still makes sense: its way is not blocked by what has been seen since,
-  // counted from waypoint `next_waypoint` on, and a frontier it was made for is still one.
+  // Whether the last decision still makes sense: its way is not blocked by what has been seen
+  // since, counted from waypoint `next_waypoint` on, and a frontier it was made for is still one.
   bool goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const;
   // The last goal could not be reached (blocked, stuck): global goals near it are given up.
   void abandon_goal();

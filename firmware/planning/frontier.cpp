@@ -50,13 +50,22 @@ bool is_frontier(const ExplorationMap& map, Cell c) {
   return false;
 }
 
+bool is_wide_frontier(const ExplorationMap& map, Cell c, int min_size) {
+  int size = 0;
+  for (std::int32_t y = c.y - 2; y <= c.y + 2; ++y) {
+    for (std::int32_t x = c.x - 2; x <= c.x + 2; ++x) size += is_frontier(map, {x, y}) ? 1 : 0;
+  }
+  return size >= min_size;
+}
+
 std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
                                              const ShortestPathMap& paths, const CellRect& rect,
-                                             std::int32_t stand_off) {
+                                             std::int32_t stand_off, int min_size) {
   std::optional<FrontierGoal> best;
   for_each_frontier(map, rect, [&](Cell c) {
     const auto candidate = best_stand(map, paths, c, stand_off);
-    if (candidate && (!best || candidate->path_cost < best->path_cost)) best = candidate;
+    if (!candidate || (best && candidate->path_cost >= best->path_cost)) return true;
+    if (is_wide_frontier(map, c, min_size)) best = candidate;
     return true;
   });
   return best;

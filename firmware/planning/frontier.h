@@ -12,6 +12,10 @@ namespace ivfm {
 // Whether `c` is unseen, not an obstacle, not given up, and next to a cell that was seen free.
 bool is_frontier(const ExplorationMap& map, Cell c);
 
+// Whether at least `min_size` cells of the 5 x 5 around frontier cell `c` are frontier cells:
+// single ones are the lidar's noise along walls.
+bool is_wide_frontier(const ExplorationMap& map, Cell c, int min_size);
+
 // A frontier and the cell from which to look at it.
 struct FrontierGoal {
   Cell frontier;
@@ -21,10 +25,11 @@ struct FrontierGoal {
 
 // The frontier in `rect` whose standing place costs least to reach by the last computed shortest
 // path map; no value when none is reachable. `stand_off`: how many cells from it one may stand
-// (frontiers along walls cannot be stood on). Ties: lowest cell index.
+// (frontiers along walls cannot be stood on). `min_size`: see is_wide_frontier(). Ties: lowest cell
+// index.
 std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
                                              const ShortestPathMap& paths, const CellRect& rect,
-                                             std::int32_t stand_off);
+                                             std::int32_t stand_off, int min_size);
 
 // Whether `rect` holds at least `count` frontier cells that nearest_frontier could choose.
 bool has_reachable_frontier(const ExplorationMap& map, const ShortestPathMap& paths,

@@ -67,8 +67,8 @@ std::int64_t WaypointPath::length_um(Point start) const {
 
 bool line_is_traversable(const ExplorationMap& map, const ShortestPathMap& paths, Cell a, Cell b) {
   // Diagonal steps may cut corners, as in the shortest path map: obstacles are inflated.
-  return every_cell_on_line(
-      a, b, [&](Cell c) { return paths.cost_at(map, c) != path::kUnreachable; });
+  return every_cell_on_line(a, b,
+                            [&](Cell c) { return paths.cost_at(map, c) != path::kUnreachable; });
 }
 
 bool line_is_blocked(const ExplorationMap& map, Cell a, Cell b, std::int32_t leave) {

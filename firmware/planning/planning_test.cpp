@@ -50,7 +50,7 @@ TEST(Frontier, TheNearestByPathIsChosenNotTheNearestByAir) {
                ".########.",  //
                "........  "});
   world.paths.compute(world.map, {4, 0}, world.region);
-  const auto goal = nearest_frontier(world.map, world.paths, world.region, 1);
+  const auto goal = nearest_frontier(world.map, world.paths, world.region, 1, 1);
   ASSERT_TRUE(goal.has_value());
   EXPECT_EQ(goal->frontier, (Cell{8, 0}));
   EXPECT_EQ(goal->stand, (Cell{7, 0})) << "standing one cell before it is enough";
@@ -61,7 +61,23 @@ TEST(Frontier, GivenUpFrontiersAreNotChosenAgain) {
   world.paths.compute(world.map, {0, 0}, world.region);
   EXPECT_TRUE(has_reachable_frontier(world.map, world.paths, world.region, 1, 1));
   world.map.set_flag({3, 0}, cell_flag::kGivenUp);
-  EXPECT_FALSE(nearest_frontier(world.map, world.paths, {0, 0, 4, 1}, 1).has_value());
+  EXPECT_FALSE(nearest_frontier(world.map, world.paths, {0, 0, 4, 1}, 1, 1).has_value());
+}
+
+TEST(Frontier, SpecksAreNotWide) {
+  Drawn world({"#########",  //
+               "#.....   ",  //
+               "#.....   ",  //
+               "#.. ..   ",  //
+               "#.....   ",  //
+               "#.....   ",  //
+               "#########"});
+  EXPECT_TRUE(is_frontier(world.map, {3, 3}));
+  EXPECT_FALSE(is_wide_frontier(world.map, {3, 3}, 3));
+  EXPECT_TRUE(is_wide_frontier(world.map, {6, 3}, 3));
+  world.paths.compute(world.map, {2, 3}, world.region);
+  EXPECT_EQ(nearest_frontier(world.map, world.paths, world.region, 1, 1)->frontier, (Cell{3, 3}));
+  EXPECT_EQ(nearest_frontier(world.map, world.paths, world.region, 1, 3)->frontier.x, 6);
 }
 
 TEST(PathPlanner, AStraightWayIsOneWaypoint) {

@@ -18,6 +18,8 @@ std::uint32_t to_counts(double counts) {
 
 std::int32_t to_um(double metres) { return static_cast<std::int32_t>(std::lround(metres * 1e6)); }
 
+constexpr std::int32_t kMappingRangeUm = 6'000'000;
+
 ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um) {
   ExplorerConfig config = ExplorerConfig::lidar(to_um(options.visit_range_m), cell_um);
   if (options.visit_fov_deg < 360) {
@@ -26,6 +28,8 @@ ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um
   // Distances between cells are those of their middles: an obstacle's edge and the robot may both be
   // half a cell nearer.
   config.robot_radius_um = to_um(options.robot_radius_m) + cell_um;
+  // Further away the noise of an RPLIDAR A1 (1 % of the range) exceeds a cell.
+  config.fusion.mapping_range_um = std::max(to_um(options.visit_range_m), kMappingRangeUm);
   config.min_goal_distance_um = config.robot_radius_um;
   config.return_to_start = options.return_home;
   return config;
