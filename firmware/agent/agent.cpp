@@ -144,7 +144,7 @@ void Agent::decide() {
   const TimeUs before = clock_.now_us();
   decision_ = supervisor_.state() == RobotState::kReturning
                   ? explorer_.select_return(odometry_.pose())
-                  : explorer_.decide(odometry_.pose(), policy_);
+                  : explorer_.decide(odometry_.pose(), network_);
   link_.clip(explorer_.map().frame().window());  // the window may have rolled
   decision_time_us_ = static_cast<std::uint32_t>(clock_.now_us() - before);
 }
@@ -198,14 +198,6 @@ SupervisorInputs Agent::supervisor_inputs(TimeUs now_us) const {
   inputs.pose = odometry_.pose();
   inputs.measured = wheels_.measured_velocity();
   return inputs;
-}
-
-Status Agent::NetworkPolicy::evaluate(const LocalState& state, std::span<std::int32_t> q_values) {
-  const std::span<const std::int32_t> values = network_.run(state.channels);
-  if (values.empty()) return Status::kUnavailable;
-  if (values.size() != q_values.size()) return Status::kInvalidArgument;
-  std::ranges::copy(values, q_values.begin());
-  return Status::kOk;
 }
 
 }  // namespace ivfm

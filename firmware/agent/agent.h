@@ -89,16 +89,6 @@ class Agent {
   std::uint32_t decision_time_us() const { return decision_time_us_; }
 
  private:
-  // Answers the explorer with the onboard network.
-  class NetworkPolicy final : public QFunction {
-   public:
-    explicit NetworkPolicy(QNetwork& network) : network_(network) {}
-    Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) override;
-
-   private:
-    QNetwork& network_;
-  };
-
   void sense_wheels(TimeUs now_us);
   void sense_surroundings(TimeUs now_us);
   void exchange_maps(TimeUs now_us);
@@ -120,7 +110,6 @@ class Agent {
   Odometry odometry_;
   PoseHistory poses_;
   QNetwork network_;
-  NetworkPolicy policy_{network_};
   PathFollower follower_;
   Supervisor supervisor_;
   MapLink link_;
