@@ -5,6 +5,7 @@
 
 #include "host/canbus/canbus_command.h"
 #include "host/cli/commands.h"
+#include "host/demo/demo_command.h"
 #include "host/map_server/serve_command.h"
 #include "host/simulator/replay_command.h"
 #include "host/simulator/sim_command.h"
@@ -17,6 +18,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", "ivfm 0.1.0");
   ivfm::host::CommandAction action;
   // One line a subcommand, in the order of `ivfm --help`.
+  ivfm::host::add_demo_command(app, action);
   ivfm::host::add_sim_command(app, action);
   ivfm::host::add_canbus_command(app, action);
   ivfm::host::add_replay_command(app, action);

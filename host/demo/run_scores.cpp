@@ -1,7 +1,6 @@
 #include "host/demo/run_scores.h"
 
 #include <algorithm>
-#include <fstream>
 #include <stdexcept>
 
 #include "host/simulator/world_region.h"
@@ -9,18 +8,7 @@
 namespace ivfm::host {
 namespace {
 
-constexpr std::uintmax_t kMaxDumpBytes = 128 * 1024 * 1024;
 constexpr double kPixelsPerSquareMetre = 128.0 * 128.0;
-
-// Collects the rows of a dump in order; they come layer by layer from the lowest.
-class RowCollector final : public MapRowSink {
- public:
-  void take_row(Layer layer, std::int32_t, std::span<const std::uint8_t> cells) override {
-    auto& rows = layer == Layer::kVisits ? visits : obstacles;
-    rows.insert(rows.end(), cells.begin(), cells.end());
-  }
-  std::vector<std::uint8_t> visits, obstacles;
-};
 
 CellRect world_cells(const World& world, std::int32_t cell_um) {
   const GridFrame grid(cell_um, {});
@@ -31,44 +19,10 @@ CellRect world_cells(const World& world, std::int32_t cell_um) {
 
 }  // namespace
 
-RobotMap read_robot_map(const std::filesystem::path& path) {
-  std::error_code error;
-  const std::uintmax_t size = std::filesystem::file_size(path, error);
-  if (error) throw std::runtime_error("map dump " + path.string() + " is missing");
-  if (size > kMaxDumpBytes) throw std::runtime_error("map dump " + path.string() + " is too large");
-  std::vector<std::uint8_t> bytes(size);
-  std::ifstream in(path, std::ios::binary);
-  in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
-  RowCollector rows;
-  const Result<MapDumpHeader> header = read_map_dump(bytes, rows);
-  if (!in || !header.ok()) {
-    throw std::runtime_error("map dump " + path.string() + " is damaged or cut off");
-  }
-  return {*header, std::move(rows.visits), std::move(rows.obstacles)};
-}
-
-PictureLayers merge_robot_maps(std::span<const RobotMap> maps) {
-  CellRect all;
-  for (const RobotMap& map : maps) {
-    if (map.header.cell_um != maps.front().header.cell_um) {
-      throw std::invalid_argument("merge_robot_maps: the maps' cells differ in size");
-    }
-    all = all.united(map.header.window);
-  }
-  PictureLayers merged{GridFrame(maps.empty() ? 1 : maps.front().header.cell_um, all), {}, {}};
-  merged.visits.assign(merged.frame.size(), 0);
-  merged.obstacles.assign(merged.frame.size(), 0);
-  for (const RobotMap& map : maps) {
-    const GridFrame own(map.header.cell_um, map.header.window);
-    for (std::size_t i = 0; i < own.size(); ++i) {
-      if (!map.visits[i] && !map.obstacles[i]) continue;
-      const std::size_t at = merged.frame.index_of(own.cell_of_index(i));
-      merged.visits[at] =
-          static_cast<std::uint16_t>(std::min(255, int{merged.visits[at]} + int{map.visits[i]}));
-      if (map.obstacles[i]) merged.obstacles[at] = 1;
-    }
-  }
-  return merged;
+PictureLayers to_picture_layers(const LayerMap& map) {
+  PictureLayers layers{GridFrame(std::max(1, map.cell_um), map.bounds), {}, map.obstacles};
+  layers.visits.assign(map.visits.begin(), map.visits.end());
+  return layers;
 }
 
 CoverageMeter::CoverageMeter(const World& world, Point start, std::int32_t cell_um)
@@ -92,32 +46,33 @@ bool CoverageMeter::is_explorable(Cell cell) const {
   return frame_.contains(cell) && explorable_[frame_.index_of(cell)] != 0;
 }
 
-double CoverageMeter::share_visited(const PictureLayers& layers) const {
+double CoverageMeter::share_visited(const LayerMap& map) const {
+  const GridFrame frame(std::max(1, map.cell_um), map.bounds);
   std::uint64_t visited = 0;
-  for (std::size_t i = 0; i < layers.visits.size(); ++i) {
-    if (layers.visits[i] != 0 && is_explorable(layers.frame.cell_of_index(i))) ++visited;
+  for (std::size_t i = 0; i < map.visits.size(); ++i) {
+    if (map.visits[i] != 0 && is_explorable(frame.cell_of_index(i))) ++visited;
   }
   return static_cast<double>(visited) / static_cast<double>(explorable_cells_);
 }
 
-RunScores score_run(const PictureLayers& merged, std::span<const RobotMap> maps,
+RunScores score_run(const LayerMap& merged, std::span<const LayerMap> robots,
                     const CoverageMeter& meter, double driven_m) {
   RunScores scores;
   scores.coverage = meter.share_visited(merged);
+  const GridFrame frame(std::max(1, merged.cell_um), merged.bounds);
   std::uint64_t cells = 0, visits = 0, shared = 0;
   for (std::size_t i = 0; i < merged.visits.size(); ++i) {
     if (merged.visits[i] == 0) continue;
     ++cells;
     visits += merged.visits[i];
-    const Cell cell = merged.frame.cell_of_index(i);
-    const auto seers = std::count_if(maps.begin(), maps.end(), [&](const RobotMap& map) {
-      const GridFrame own(map.header.cell_um, map.header.window);
-      return own.contains(cell) && map.visits[own.index_of(cell)] != 0;
+    const Cell cell = frame.cell_of_index(i);
+    const auto seers = std::count_if(robots.begin(), robots.end(), [&](const LayerMap& robot) {
+      return robot.value(Layer::kVisits, cell) != 0;
     });
     if (seers >= 2) ++shared;
   }
   if (cells == 0) return scores;
-  const double cell_m = merged.frame.cell_um() / 1e6;
+  const double cell_m = merged.cell_um / 1e6;
   scores.explored_m2 = static_cast<double>(cells) * cell_m * cell_m;
   scores.repeat_rate = static_cast<double>(visits - cells) / static_cast<double>(cells);
   scores.overlap = static_cast<double>(shared) / static_cast<double>(cells);

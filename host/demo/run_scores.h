@@ -2,30 +2,18 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <span>
 #include <vector>
 
 #include "host/environment/world.h"
 #include "host/log_analysis/map_picture.h"
+#include "host/map_server/map_reader.h"
 #include "shared/geometry/grid_frame.h"
-#include "shared/wire/map_dump.h"
 
 namespace ivfm::host {
 
-// One robot's own map, as `ivfm-agent --dump-map` wrote it; rows from the window's lowest.
-struct RobotMap {
-  MapDumpHeader header;
-  std::vector<std::uint8_t> visits;
-  std::vector<std::uint8_t> obstacles;
-};
-
-// Throws std::runtime_error that names the file when it is missing, damaged or too large.
-RobotMap read_robot_map(const std::filesystem::path& path);
-
-// The sum of robots' maps: visits added up (at most 255, as the server holds them), obstacles where
-// any robot holds one. All must have one cell size; throws std::invalid_argument.
-PictureLayers merge_robot_maps(std::span<const RobotMap> maps);
+// The map as the picture wants it.
+PictureLayers to_picture_layers(const LayerMap& map);
 
 // Which share of the cells that robots could ever see from their starts has been visited.
 class CoverageMeter {
@@ -37,7 +25,7 @@ class CoverageMeter {
   std::uint64_t explorable_cells() const { return explorable_cells_; }
   bool is_explorable(Cell cell) const;
   // 0 .. 1.
-  double share_visited(const PictureLayers& layers) const;
+  double share_visited(const LayerMap& map) const;
 
  private:
   GridFrame frame_;
@@ -53,7 +41,8 @@ struct RunScores {
   double pixels_per_metre = 0;  // PE: visited area in pixels of 1/128 m per metre driven
 };
 
-RunScores score_run(const PictureLayers& merged, std::span<const RobotMap> maps,
+// `robots`: the map of each; `driven_m`: the distance all of them drove.
+RunScores score_run(const LayerMap& merged, std::span<const LayerMap> robots,
                     const CoverageMeter& meter, double driven_m);
 
 }  // namespace ivfm::host

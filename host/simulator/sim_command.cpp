@@ -162,6 +162,25 @@ void print_connections(const Simulation& simulation, const Buses& buses) {
   std::fflush(stdout);
 }
 
+// Says when a robot has run into something, once a contact.
+class CollisionReporter {
+ public:
+  explicit CollisionReporter(std::size_t robots) : counts_(robots, 0) {}
+  void report(const Simulation& simulation) {
+    for (std::size_t i = 0; i < counts_.size(); ++i) {
+      const RobotBody& body = simulation.robots()[i]->body();
+      if (body.collisions() == counts_[i]) continue;
+      counts_[i] = body.collisions();
+      std::printf("collision: robot %zu at %.2f,%.2f after %.1f s\n", i + 1, body.pose().x_m,
+                  body.pose().y_m, static_cast<double>(simulation.now_us()) / 1e6);
+      std::fflush(stdout);
+    }
+  }
+
+ private:
+  std::vector<int> counts_;
+};
+
 void print_summary(const Simulation& simulation, const Pacer& pacer) {
   for (const auto& robot : simulation.robots()) {
     std::printf("robot %d: %.2f m driven, %d collisions, %llu lidar bytes not read\n",
@@ -198,11 +217,13 @@ int simulate(SimOptions options) {
   print_connections(simulation, buses);
 
   Pacer pacer(options.time_scale);
+  CollisionReporter collisions(simulation.robots().size());
   const auto end_us =
       options.duration_s > 0 ? static_cast<TimeUs>(options.duration_s * 1e6) : ~TimeUs{0};
   while (!g_stop && simulation.now_us() < end_us) {
     simulation.advance_to(std::min(end_us, pacer.wait_for_tick(simulation.now_us())));
     if (truth) truth->record(simulation);
+    collisions.report(simulation);
   }
   print_summary(simulation, pacer);
   return 0;

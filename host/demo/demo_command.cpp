@@ -1,0 +1,96 @@
+#include "host/demo/demo_command.h"
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+
+#include "host/demo/demo_run.h"
+
+namespace ivfm::host {
+namespace {
+
+std::atomic<bool> g_interrupted{false};
+
+void on_signal(int) { g_interrupted = true; }
+
+// The command line as it was typed, to be shown again.
+std::string command_line() {
+  std::ifstream in("/proc/self/cmdline", std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  while (!text.empty() && text.back() == '\0') text.pop_back();
+  for (char& c : text) {
+    if (c == '\0') c = ' ';
+  }
+  return text;
+}
+
+int demonstrate(DemoOptions options, double resolution_m) {
+  if (resolution_m > 0) options.world.resolution_m = resolution_m;
+  options.command_line = command_line();
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  for (const int signal_number : {SIGINT, SIGTERM, SIGHUP}) {
+    sigaction(signal_number, &action, nullptr);
+  }
+  signal(SIGPIPE, SIG_IGN);
+  try {
+    return DemoRun(options, g_interrupted).run().good() ? 0 : 1;
+  } catch (const Interrupted&) {
+    std::fprintf(stderr, "ivfm: interrupted; all processes are stopped\n");
+    return 1;
+  }
+}
+
+}  // namespace
+
+void add_demo_command(CLI::App& app, CommandAction& action) {
+  auto options = std::make_shared<DemoOptions>();
+  auto resolution_m = std::make_shared<double>(0);
+  CLI::App* command =
+      app.add_subcommand("demo", "Robots explore a world, all in software; map and report");
+  command->add_option("--robots", options->world.robots, "how many")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 8));
+  command
+      ->add_option("--world", options->world.name,
+                   "corridor, malaga, building, or a map file (.yaml, .pgm, .png)")
+      ->capture_default_str();
+  command->add_option("--resolution", *resolution_m, "metres a pixel of a bare image")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--policy", options->policy, "qnet or frontier-nearest")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"qnet", "frontier-nearest"}));
+  command->add_option("--model", options->model, "quantized Q-network [models/demo.ivfm]");
+  command->add_option("--agent", options->agent, "program of the robots [ivfm-agent beside this]");
+  command->add_option("--out", options->out, "folder for the results")->capture_default_str();
+  command->add_option("--time-scale", options->time_scale, "robots' seconds in a real one")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 20.0));
+  command->add_option("--seed", options->world.seed, "of everything random")->capture_default_str();
+  command->add_flag("--random-starts", options->world.random_starts,
+                    "draw the start poses in the corridor from the seed");
+  command->add_option("--until", options->until, "share of the free space to see")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1.0));
+  command->add_option("--time-limit", options->time_limit_s, "seconds of the robots' time")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  command->add_option("--visit-range", options->visit_range_m, "metres within which a cell is seen")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 12.0));
+  command->add_option("--odometry-noise", options->odometry_noise, "none or mild")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "mild"}));
+  command->add_option("--fault", options->faults,
+                      "as of ivfm sim, such as lidar-silence@12s+3s; repeatable");
+  command->footer("Example: ivfm demo --robots 2 --world corridor --out out/demo");
+  command->callback([options, resolution_m, &action] {
+    action = [options, resolution_m] { return demonstrate(*options, *resolution_m); };
+  });
+}
+
+}  // namespace ivfm::host

@@ -1,0 +1,360 @@
+#include "host/demo/demo_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+#include "host/simulator/map_file.h"
+
+namespace ivfm::host {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+
+constexpr std::int32_t kCellUm = 50'000;  // of profile `robot`
+// What agents take for their radius is larger by this: an RPLIDAR sees nothing nearer than 0.15 m.
+constexpr double kSafetyMarginM = 0.045;
+
+std::string text_of(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+std::string bytes_text(std::uint64_t bytes) {
+  return text_of("%.1f KiB", static_cast<double>(bytes) / 1024);
+}
+
+fs::path own_path() { return fs::read_symlink("/proc/self/exe"); }
+
+// `relative` in the folder of this program or one above it (build/host/host/cli, the source tree).
+std::optional<fs::path> find_upwards(const std::vector<fs::path>& relative) {
+  for (fs::path folder = own_path().parent_path();; folder = folder.parent_path()) {
+    for (const fs::path& path : relative) {
+      if (fs::is_regular_file(folder / path)) return folder / path;
+    }
+    if (folder == folder.parent_path()) return std::nullopt;
+  }
+}
+
+fs::path find_agent(const fs::path& given) {
+  if (!given.empty()) return given;
+  const auto found = find_upwards({"ivfm-agent", "firmware/agent/linux/ivfm-agent"});
+  if (!found) {
+    throw std::runtime_error("the program ivfm-agent is not beside " + own_path().string() +
+                             " nor in its build folder: build it, or give --agent PATH");
+  }
+  return *found;
+}
+
+fs::path find_model(const fs::path& given) {
+  if (!given.empty()) return given;
+  const auto found = find_upwards({"models/demo.ivfm"});
+  if (!found) {
+    throw std::runtime_error("models/demo.ivfm is not above " + own_path().string() +
+                             ": give --model FILE, or --policy frontier-nearest");
+  }
+  return *found;
+}
+
+std::vector<Trajectory> trajectories_of(const std::vector<TruthRow>& truth) {
+  std::map<int, Trajectory> by_robot;
+  for (const TruthRow& row : truth) {
+    Trajectory& trajectory = by_robot[row.robot];
+    trajectory.label = "robot " + std::to_string(row.robot);
+    const Point place{static_cast<std::int32_t>(std::lround(row.pose.x_m * 1e6)),
+                      static_cast<std::int32_t>(std::lround(row.pose.y_m * 1e6))};
+    if (trajectory.points.empty() || trajectory.points.back() != place) {
+      trajectory.points.push_back(place);
+    }
+  }
+  std::vector<Trajectory> out;
+  for (auto& [robot, trajectory] : by_robot) out.push_back(std::move(trajectory));
+  return out;
+}
+
+std::uint64_t sum(const std::vector<AgentReport>& agents, std::uint64_t AgentReport::*member) {
+  return std::accumulate(
+      agents.begin(), agents.end(), std::uint64_t{0},
+      [member](std::uint64_t total, const AgentReport& agent) { return total + agent.*member; });
+}
+
+double driven_by(const std::vector<AgentReport>& agents) {
+  double metres = 0;
+  for (const AgentReport& agent : agents) metres += agent.driven_m;
+  return metres;
+}
+
+std::uint64_t visits_in(const LayerMap& map) {
+  return std::accumulate(map.visits.begin(), map.visits.end(), std::uint64_t{0});
+}
+
+std::vector<MapCell> ros_cells(const LayerMap& map) {
+  std::vector<MapCell> cells;
+  for (std::size_t i = 0; i < map.visits.size(); ++i) {
+    const bool occupied = map.obstacles[i] != 0;
+    cells.push_back(occupied            ? MapCell::kOccupied
+                    : map.visits[i] > 0 ? MapCell::kFree
+                                        : MapCell::kUnknown);
+  }
+  return cells;
+}
+
+const char* yes_no(bool good) { return good ? "yes" : "NO"; }
+
+}  // namespace
+
+DemoRun::DemoRun(DemoOptions options, const std::atomic<bool>& interrupted)
+    : options_(std::move(options)),
+      interrupted_(interrupted),
+      world_(prepare_world(options_.world)),
+      meter_(world_.world, world_.starts.front().position, kCellUm),
+      start_(std::chrono::steady_clock::now()) {}
+
+DemoResult DemoRun::run() {
+  prepare_folder();
+  Fleet fleet(fleet_options(), interrupted_);
+  std::printf("%d robots explore %s (%.0f m2) until %.0f %% is seen, %gx real time, into %s\n",
+              options_.world.robots, world_.world.name.c_str(),
+              static_cast<double>(meter_.explorable_cells()) * kCellUm / 1e6 * kCellUm / 1e6,
+              options_.until * 100, options_.time_scale, options_.out.c_str());
+  std::fflush(stdout);
+  fleet.start();
+  explore(fleet);
+  std::printf("robots stop and hand over their maps\n");
+  std::fflush(stdout);
+  fleet.stop();
+  const DemoResult result = judge(fleet);
+  write_pictures(result);
+  write_report(result);
+  print_table(result);
+  return result;
+}
+
+// An earlier run's files would be taken for this one's.
+void DemoRun::prepare_folder() const {
+  std::error_code error;
+  fs::create_directories(options_.out, error);
+  std::ofstream probe(options_.out / "run.db");
+  if (error || !probe) {
+    throw std::runtime_error("folder " + options_.out.string() + " cannot be written");
+  }
+  probe.close();
+  for (const char* name : {"run.db", "run.db-wal", "run.db-shm", "can.log", "truth.csv", "map.png",
+                           "map.pgm", "map.yaml", "report.html", "logs", "lidars"}) {
+    fs::remove_all(options_.out / name);
+  }
+  for (int robot = 1; robot <= 8; ++robot) {
+    fs::remove(options_.out / ("robot" + std::to_string(robot) + ".map"));
+  }
+}
+
+FleetOptions DemoRun::fleet_options() const {
+  FleetOptions fleet;
+  fleet.ivfm = own_path();
+  fleet.agent = find_agent(options_.agent);
+  fleet.folder = options_.out;
+  fleet.robots = options_.world.robots;
+  fleet.time_scale = options_.time_scale;
+  fleet.simulator_arguments = {"--world",          options_.world.name,
+                               "--seed",           std::to_string(options_.world.seed),
+                               "--odometry-noise", options_.odometry_noise};
+  if (options_.world.resolution_m) {
+    fleet.simulator_arguments.push_back("--resolution");
+    fleet.simulator_arguments.push_back(text_of("%.9g", *options_.world.resolution_m));
+  }
+  if (options_.world.random_starts) fleet.simulator_arguments.push_back("--random-starts");
+  for (const std::string& fault : options_.faults) {
+    fleet.simulator_arguments.push_back("--fault");
+    fleet.simulator_arguments.push_back(fault);
+  }
+  fleet.agent_arguments = {"--profile",      "robot",
+                           "--visit-range",  text_of("%.9g", options_.visit_range_m),
+                           "--robot-radius", text_of("%.9g", world_.body.radius_m + kSafetyMarginM),
+                           "--wheel-radius", text_of("%.9g", world_.body.wheel_radius_m),
+                           "--wheel-base",   text_of("%.9g", world_.body.wheel_base_m)};
+  if (options_.policy == "qnet") {
+    fleet.agent_arguments.push_back("--model");
+    fleet.agent_arguments.push_back(find_model(options_.model));
+  }
+  return fleet;
+}
+
+double DemoRun::real_seconds() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+}
+
+// Until the goal is reached, nothing is left to do, or time is up.
+void DemoRun::explore(Fleet& fleet) {
+  const auto begin = std::chrono::steady_clock::now();
+  for (;;) {
+    fleet.wait(milliseconds(1000));
+    const double simulated_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() *
+        options_.time_scale;
+    progress_.push_back({simulated_s, 0, driven_by(fleet.agents())});
+    report_progress(fleet);
+    goal_reached_ = progress_.back().explored >= options_.until;
+    const bool idle =
+        std::all_of(fleet.agents().begin(), fleet.agents().end(), [](const AgentReport& agent) {
+          return agent.state == "explored" || agent.state == "stopped";
+        });
+    if (goal_reached_ || idle || simulated_s > options_.time_limit_s) return;
+  }
+}
+
+void DemoRun::report_progress(const Fleet& fleet) {
+  const LayerMap merged = load_merged_map(fleet.database());
+  ProgressPoint& now = progress_.back();
+  now.explored = meter_.share_visited(merged);
+  std::printf("%5.0f s  explored %5.1f %%  driven %6.1f m  %6llu visits  radio %s out, %s in",
+              now.time_s, now.explored * 100, now.driven_m,
+              static_cast<unsigned long long>(visits_in(merged)),
+              bytes_text(sum(fleet.agents(), &AgentReport::bytes_sent)).c_str(),
+              bytes_text(sum(fleet.agents(), &AgentReport::bytes_received)).c_str());
+  if (fleet.collisions() > 0) std::printf("  %d collisions", fleet.collisions());
+  for (const AgentReport& agent : fleet.agents()) {
+    if (agent.state != "exploring") std::printf("  [%s]", agent.state.c_str());
+  }
+  std::printf("\n");
+  std::fflush(stdout);
+}
+
+DemoResult DemoRun::judge(const Fleet& fleet) const {
+  DemoResult result;
+  result.goal_reached = goal_reached_;
+  result.failure = fleet.failure();
+  result.agents = fleet.agents();
+  result.truth = read_truth_log(fleet.truth());
+  std::map<int, TruthRow> last;
+  for (const TruthRow& row : result.truth) last[row.robot] = row;
+  for (const auto& [robot, row] : last) {
+    result.driven_m += row.travelled_m;
+    result.collisions += row.collisions;
+  }
+  result.simulated_s = progress_.empty() ? 0 : progress_.back().time_s;
+  result.real_s = real_seconds();
+
+  std::vector<fs::path> dumps;
+  std::vector<LayerMap> robots;
+  for (int robot = 1; robot <= options_.world.robots; ++robot) {
+    dumps.push_back(fleet.map_dump(robot));
+    robots.push_back(load_robot_map(fleet.database(), static_cast<std::uint16_t>(robot)));
+  }
+  if (result.failure.empty()) {
+    result.comparison = compare_with_dumps(fleet.database(), dumps);
+  } else {
+    result.comparison.first_difference = "not compared, because a process failed";
+  }
+  result.scores = score_run(load_merged_map(fleet.database()), robots, meter_, result.driven_m);
+  return result;
+}
+
+void DemoRun::write_pictures(const DemoResult& result) const {
+  const LayerMap merged = load_merged_map(options_.out / "run.db");
+  if (merged.bounds.empty()) return;
+  PictureOptions picture;
+  picture.title =
+      std::to_string(options_.world.robots) + " robots explore the world " + world_.world.name;
+  picture.subtitle = text_of("%.1f %% seen", result.scores.coverage * 100) +
+                     text_of(" in %.0f s, ", result.simulated_s) +
+                     text_of("%.1f m driven, ", result.driven_m) +
+                     std::to_string(result.collisions) + " collisions, policy " + options_.policy;
+  picture.world = &world_.world;
+  write_png(options_.out / "map.png",
+            draw_map_picture(to_picture_layers(merged), trajectories_of(result.truth), picture));
+  write_map_file(options_.out / "map.yaml", GridFrame(merged.cell_um, merged.bounds),
+                 ros_cells(merged));
+}
+
+void DemoRun::write_report(const DemoResult& result) const {
+  const RunScores& scores = result.scores;
+  DemoReport report;
+  report.title =
+      std::to_string(options_.world.robots) + " robots explore the world " + world_.world.name;
+  report.subtitle =
+      "Software in the loop: the robots' own program, a simulated lidar and "
+      "simulated wheel drives each, and the real map server. Policy " +
+      options_.policy + ", seed " + std::to_string(options_.world.seed) + ".";
+  report.verdicts = {
+      {result.goal_reached, text_of("%.0f %% explored", options_.until * 100)},
+      {result.collisions == 0, std::to_string(result.collisions) + " collisions"},
+      {result.comparison.equal(), result.comparison.equal()
+                                      ? "server's map equals the sum of the robots' maps"
+                                      : "maps differ: " + result.comparison.first_difference},
+      {result.failure.empty(),
+       result.failure.empty() ? "every process ended properly" : result.failure}};
+  report.figures = {
+      {text_of("%.1f %%", scores.coverage * 100), "explored",
+       text_of("%.0f m² of the free space", scores.explored_m2)},
+      {text_of("%.0f s", result.simulated_s), "robots' time",
+       text_of("%.0f s of real time in all", result.real_s)},
+      {text_of("%.1f m", result.driven_m), "driven", "all robots together"},
+      {std::to_string(sum(result.agents, &AgentReport::actions)), "actions", "goals driven to"},
+      {text_of("%.2f", scores.repeat_rate), "RER", "repeated visits a cell"},
+      {text_of("%.0f", scores.pixels_per_metre), "PE", "pixels of 1/128 m seen a metre"},
+      {text_of("%.1f %%", scores.overlap * 100), "overlap", "seen by two or more robots"},
+      {bytes_text(sum(result.agents, &AgentReport::bytes_sent)), "sent by radio",
+       bytes_text(sum(result.agents, &AgentReport::bytes_received)) + " received"}};
+  if (fs::exists(options_.out / "map.png")) report.map_picture = options_.out / "map.png";
+  report.goal = options_.until;
+  report.progress = progress_;
+  report.table_head = {"robot",      "driven",    "actions",  "lidar scans", "resyncs",
+                       "CAN frames", "radio out", "radio in", "sent again",  "slowest decision"};
+  for (std::size_t i = 0; i < result.agents.size(); ++i) {
+    const AgentReport& agent = result.agents[i];
+    report.table.push_back({"robot " + std::to_string(i + 1), text_of("%.1f m", agent.driven_m),
+                            std::to_string(agent.actions), std::to_string(agent.scans),
+                            std::to_string(agent.resyncs), std::to_string(agent.can_frames),
+                            bytes_text(agent.bytes_sent), bytes_text(agent.bytes_received),
+                            std::to_string(agent.retransmissions),
+                            text_of("%.1f ms", agent.slowest_decision_ms)});
+  }
+  report.files = {{"map.png", "the merged map as in this report", ""},
+                  {"map.yaml, map.pgm", "the merged map for ROS map_server", ""},
+                  {"run.db", "the run database of the map server (SQLite)", ""},
+                  {"can.log", "every CAN frame, in candump's format", ""},
+                  {"truth.csv", "where the robots really were, ten times a second", ""},
+                  {"robotN.map", "what each robot held at the end", ""},
+                  {"logs/", "what each process said", ""}};
+  report.command = options_.command_line;
+  std::ofstream out(options_.out / "report.html");
+  out << render_report(report);
+  out.close();
+  if (!out) {
+    throw std::runtime_error((options_.out / "report.html").string() + " cannot be written");
+  }
+}
+
+void DemoRun::print_table(const DemoResult& result) const {
+  std::printf("\n%-9s %9s %8s %7s %10s %10s %10s\n", "robot", "driven", "actions", "scans",
+              "radio out", "radio in", "decision");
+  for (std::size_t i = 0; i < result.agents.size(); ++i) {
+    const AgentReport& agent = result.agents[i];
+    std::printf("%-9zu %7.1f m %8llu %7llu %10s %10s %7.1f ms\n", i + 1, agent.driven_m,
+                static_cast<unsigned long long>(agent.actions),
+                static_cast<unsigned long long>(agent.scans), bytes_text(agent.bytes_sent).c_str(),
+                bytes_text(agent.bytes_received).c_str(), agent.slowest_decision_ms);
+  }
+  const RunScores& scores = result.scores;
+  std::printf("\n%.1f %% explored in %.0f s, RER %.2f, PE %.0f, overlap %.1f %%\n",
+              scores.coverage * 100, result.simulated_s, scores.repeat_rate,
+              scores.pixels_per_metre, scores.overlap * 100);
+  std::printf("goal of %.0f %% reached: %s\n", options_.until * 100, yes_no(result.goal_reached));
+  std::printf("no collision: %s (%d)\n", yes_no(result.collisions == 0), result.collisions);
+  std::printf("server's map is the sum of the robots' maps: %s (%llu cells compared)%s%s\n",
+              yes_no(result.comparison.equal()),
+              static_cast<unsigned long long>(result.comparison.cells_compared),
+              result.comparison.equal() ? "" : ": ", result.comparison.first_difference.c_str());
+  if (!result.failure.empty()) std::printf("failed: %s\n", result.failure.c_str());
+  std::printf("\nmap     %s\nreport  %s\n", (options_.out / "map.png").c_str(),
+              (options_.out / "report.html").c_str());
+}
+
+}  // namespace ivfm::host

@@ -1,0 +1,84 @@
+// One demonstration: a fleet explores a world until a goal is reached, then is judged and reported.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "host/demo/demo_report.h"
+#include "host/demo/fleet.h"
+#include "host/demo/run_scores.h"
+#include "host/log_analysis/map_picture.h"
+#include "host/map_server/map_reader.h"
+#include "host/simulator/truth_log.h"
+#include "host/simulator/world_catalog.h"
+
+namespace ivfm::host {
+
+struct DemoOptions {
+  WorldRequest world;
+  std::string policy = "qnet";  // qnet or frontier-nearest
+  std::filesystem::path model;  // of qnet; empty: models/demo.ivfm of the source tree
+  std::filesystem::path agent;  // empty: beside this program
+  std::filesystem::path out = "out/demo";
+  double time_scale = 4;
+  double until = 0.5;         // share of the explorable cells
+  double time_limit_s = 400;  // simulated
+  double visit_range_m = 3;
+  std::string odometry_noise = "none";
+  std::vector<std::string> faults;
+  std::string command_line;  // for the report
+};
+
+// How the run ended.
+struct DemoResult {
+  RunScores scores;
+  std::vector<TruthRow> truth;
+  std::vector<AgentReport> agents;
+  MapComparison comparison;
+  double driven_m = 0;
+  int collisions = 0;
+  double simulated_s = 0;
+  double real_s = 0;
+  bool goal_reached = false;
+  std::string failure;  // of a process, empty when all ended properly
+
+  bool good() const {
+    return goal_reached && collisions == 0 && comparison.equal() && failure.empty();
+  }
+};
+
+class DemoRun {
+ public:
+  // `interrupted` ends the run early, with Interrupted. Throws what prepare_world() throws, and
+  // std::runtime_error when a file cannot be used.
+  DemoRun(DemoOptions options, const std::atomic<bool>& interrupted);
+
+  // Runs from start to report and prints as it goes.
+  DemoResult run();
+
+ private:
+  void prepare_folder() const;
+  FleetOptions fleet_options() const;
+  void explore(Fleet& fleet);
+  void report_progress(const Fleet& fleet);
+  DemoResult judge(const Fleet& fleet) const;
+  void write_pictures(const DemoResult& result) const;
+  void write_report(const DemoResult& result) const;
+  void print_table(const DemoResult& result) const;
+  double real_seconds() const;
+
+  DemoOptions options_;
+  const std::atomic<bool>& interrupted_;
+  PreparedWorld world_;
+  CoverageMeter meter_;
+  std::vector<ProgressPoint> progress_;
+  bool goal_reached_ = false;
+  std::chrono::steady_clock::time_point start_;
+};
+
+}  // namespace ivfm::host
