@@ -27,7 +27,7 @@ demo: build ## Two robots explore a real building's corridor, all in software
 	@$(HOST)/host/cli/ivfm demo --out out/demo $(ARGS)
 
 .PHONY: test
-test: build ## Build everything and run every test
+test: build cross-replay ## Build everything, replay a recorded drive on two robots, run every test
 	@ctest --preset host -j $(JOBS) $(ARGS)
 
 .PHONY: bench
@@ -45,6 +45,15 @@ cross: deps ## Build the robot for aarch64, armhf and Cortex-M7; test the first 
 	  cmake --build --preset $$preset -j $(JOBS); \
 	done
 	@for preset in aarch64 armhf; do ctest --preset $$preset -j $(JOBS); done
+
+# The recorded drive must give the same bits on every processor.
+.PHONY: cross-replay
+cross-replay: deps
+	@for preset in aarch64 armhf; do \
+	  [[ -f build/$$preset/build.ninja ]] || cmake --preset $$preset; \
+	  cmake --build --preset $$preset -j $(JOBS) --target replay_golden_test; \
+	  qemu-$${preset/hf/}-static build/$$preset/tests/replay/replay_golden_test --gtest_brief=1; \
+	done
 
 .PHONY: train
 train: build ## Train a policy and quantize it (hours; ARGS="--help" lists the options)

@@ -6,16 +6,16 @@ set -euo pipefail
 packages=(
   # Build tools
   build-essential ccache cmake git ninja-build pkg-config python3
-  # Command lines, config files, logs, JSON
-  libcli11-dev libspdlog-dev libtomlplusplus-dev nlohmann-json3-dev
-  # Fixed-size mathematics
-  libeigen3-dev
-  # Simulator: worlds, laser scans, real recordings (mrpt-common); pictures; map files
-  libmrpt-dev libopencv-dev libyaml-cpp-dev mrpt-common
-  # Map server: run database, live page, radio keys
-  libcpp-httplib-dev libsodium-dev libsqlite3-dev sqlite3
-  # Training
-  libopenmpi-dev libtorch-dev openmpi-bin
+  # Command lines, config files, JSON
+  libcli11-dev libtomlplusplus-dev nlohmann-json3-dev
+  # Simulator: worlds, laser scans, real recordings (mrpt-common), map files
+  libmrpt-dev libyaml-cpp-dev mrpt-common zlib1g-dev
+  # Pictures
+  fonts-dejavu-core libopencv-dev
+  # Map server's run database
+  libsqlite3-dev sqlite3
+  # Quantizer and training
+  libeigen3-dev libtorch-dev
   # Tests and benchmarks; another project's CAN library to talk to ours
   googletest libbenchmark-dev libgmock-dev libgtest-dev python3-can
   # Robot builds and their emulators
