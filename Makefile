@@ -32,7 +32,9 @@ test: build cross-replay ## Build everything, replay a recorded drive on two rob
 
 .PHONY: bench
 bench: build ## Measure the parts of a decision against MRPT, and decisions a second
-	@for bench in $(HOST)/tests/bench/*_bench; do echo "== $$(basename $$bench)"; $$bench $(ARGS); done
+	@for bench in $$(find $(HOST) -name '*_bench' -type f | sort); do \
+	  echo "== $${bench##*/}"; $$bench $(ARGS); \
+	done
 
 .PHONY: hil
 hil: deps ## Hardware in the loop: the cross-built robot's CAN on an emulated machine
