@@ -1,9 +1,9 @@
 // The SocketCAN port and the wheel drive on a real kernel's vcan0; prints each check, exits 0 or 1.
-#include <time.h>
 #include <unistd.h>
 
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <string>
 
 #include "firmware/hal/linux/can_port.h"

@@ -24,17 +24,15 @@ constexpr std::uint64_t kRawHoldUs = 20'000;
 constexpr std::uint64_t kLogFlushUs = 200'000;
 constexpr int kReadsPerTurn = 16;  // so that one busy client does not keep the others waiting
 
-std::uint64_t monotonic_us() {
-  using namespace std::chrono;
+// Microseconds of a clock since its epoch.
+template <typename Clock>
+std::uint64_t time_of() {
   return static_cast<std::uint64_t>(
-      duration_cast<microseconds>(steady_clock::now().time_since_epoch()).count());
+      std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch())
+          .count());
 }
-
-std::uint64_t wall_us() {
-  using namespace std::chrono;
-  return static_cast<std::uint64_t>(
-      duration_cast<microseconds>(system_clock::now().time_since_epoch()).count());
-}
+std::uint64_t monotonic_us() { return time_of<std::chrono::steady_clock>(); }
+std::uint64_t wall_us() { return time_of<std::chrono::system_clock>(); }
 
 bool good_bus_name(std::string_view name) {
   return !name.empty() && name.size() <= kMaxBusName &&
@@ -73,7 +71,8 @@ CanServer::CanServer(const CanServerOptions& options)
     : options_(options), start_wall_us_(wall_us()), start_us_(monotonic_us()) {
   for (const std::string& bus : options.buses) {
     if (!good_bus_name(bus)) {
-      throw std::runtime_error("bus name '" + bus + "' must have 1 to 16 characters without blanks");
+      throw std::runtime_error("bus name '" + bus +
+                               "' must have 1 to 16 characters without blanks");
     }
   }
   if (!options.log_path.empty()) {
@@ -119,9 +118,9 @@ void CanServer::listen_on(const CanServerOptions& options) {
   sockaddr_storage address{};
   socklen_t size = sizeof address;
   getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size);
-  port_ = ntohs(address.ss_family == AF_INET6
-                    ? reinterpret_cast<const sockaddr_in6&>(address).sin6_port
-                    : reinterpret_cast<const sockaddr_in&>(address).sin_port);
+  port_ =
+      ntohs(address.ss_family == AF_INET6 ? reinterpret_cast<const sockaddr_in6&>(address).sin6_port
+                                          : reinterpret_cast<const sockaddr_in&>(address).sin_port);
 }
 
 std::uint64_t CanServer::time_stamp_us() const {
@@ -220,9 +219,9 @@ void CanServer::on_open(Client& client, std::string_view message) {
   }
   std::string_view name = message.substr(kOpen.size());
   while (!name.empty() && name.front() == ' ') name.remove_prefix(1);
-  const bool declared = options_.buses.empty() ||
-                        std::find(options_.buses.begin(), options_.buses.end(), name) !=
-                            options_.buses.end();
+  const bool declared =
+      options_.buses.empty() ||
+      std::find(options_.buses.begin(), options_.buses.end(), name) != options_.buses.end();
   if (!good_bus_name(name) || !declared) return refuse(client, "could not open bus");
   client.bus = name;
   client.mode = Mode::kBroadcast;

@@ -1,10 +1,10 @@
 #include "host/canbus/canbus_command.h"
 
 #include <gtest/gtest.h>
-#include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 
 namespace ivfm::host {

@@ -4,12 +4,12 @@
 #include <netdb.h>
 #include <netinet/tcp.h>
 #include <poll.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <ctime>
 
 namespace ivfm {
 namespace {
@@ -25,9 +25,9 @@ std::uint64_t monotonic_us() {
 }
 
 bool good_bus_name(std::string_view bus) {
-  return !bus.empty() && bus.size() <= 16 &&
-         std::all_of(bus.begin(), bus.end(),
-                     [](char c) { return c > ' ' && c < 127 && c != '<' && c != '>'; });
+  return !bus.empty() && bus.size() <= 16 && std::all_of(bus.begin(), bus.end(), [](char c) {
+    return c > ' ' && c < 127 && c != '<' && c != '>';
+  });
 }
 
 }  // namespace
@@ -60,7 +60,8 @@ Status SocketcandBus::open(const std::string& host, const std::string& port, std
     service();
     if (connected()) return Status::kOk;
     if (refused_) {
-      error = "the CAN server at " + host + ":" + port + " refused bus '" + std::string(bus) + "'";
+      error = "the CAN server at " + host + ":" + port + " refused bus '";
+      error.append(bus).append("'");
       return Status::kRefused;
     }
     if (monotonic_us() >= deadline_us) break;
