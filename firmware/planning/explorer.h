@@ -108,6 +108,8 @@ class Explorer {
   // A goal chosen by somebody else (baselines, trainer). After observe(). kUnavailable: out of
   // reach; kInvalidArgument: no such policy cell. Plans the path.
   Status select_local_goal(std::int32_t policy_cell, Decision& out);
+  // The map cell that stands for a reachable policy cell as a goal. After observe().
+  Cell goal_in_block(std::int32_t policy_cell) const;
   // The nearest frontier of the whole map, or return, or explored. Plans the path.
   Decision select_global_goal(const Pose& pose);
   // Back to where start() was, or kExplored when it is there or cannot get there. Plans the path.
@@ -137,7 +139,6 @@ class Explorer {
  private:
   Cell robot_cell(const Pose& pose) const { return map_.frame().cell_at(pose.position); }
   CellRect explored_region(const Pose& pose) const;
-  Cell goal_in_block(std::int32_t policy_cell) const;
   Decision select_best(std::span<const std::int32_t> q_values);
   Decision return_or_stay(const Pose& pose);
   Decision stay();
