@@ -60,7 +60,8 @@ void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& r
     cost[row + static_cast<std::size_t>(ring.width) - 1] = kWall;
   }
   // A robot that stands too close to an obstacle, or on unknown ground, may drive off.
-  const std::int32_t escape = map.robot_radius_um() / frame.cell_um() + 1;
+  const std::int32_t escape =
+      std::min<std::int32_t>(kMaxEscapeSide / 2, map.robot_radius_um() / frame.cell_um() + 1);
   const CellRect around = CellRect{robot.x, robot.y, 1, 1}.grown(escape).intersection(region_);
   for (std::int32_t y = around.y; y < around.top(); ++y) {
     for (std::int32_t x = around.x; x < around.right(); ++x) {
@@ -68,13 +69,54 @@ void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& r
       if (here || !map.is_obstacle({x, y})) cost[frame.index_of({x, y})] = path::kUnreachable;
     }
   }
+  leaves_outwards_only_ = true;
+  left_blocked_ground_ = layers.inflation[frame.index_of(robot)] == 0;
+  if (!left_blocked_ground_) measure_escape(map, around);
   run(map);
+  if (!left_blocked_ground_) {  // squeezed in between obstacles: any way out will do
+    for (std::int32_t y = around.y; y < around.top(); ++y) {
+      for (std::int32_t x = around.x; x < around.right(); ++x) {
+        std::uint16_t& c = cost[frame.index_of({x, y})];
+        if (c != kWall) c = path::kUnreachable;
+      }
+    }
+    leaves_outwards_only_ = false;
+    run(map);
+  }
   for (std::int32_t y = ring.y; y < ring.top(); ++y) {
     const std::size_t row = frame.index_of({ring.x, y});
     for (std::size_t i = row; i < row + static_cast<std::size_t>(ring.width); ++i) {
       cost[i] = cost[i] == kWall ? path::kUnreachable : cost[i];
     }
   }
+}
+
+// Distances from the cells of `around` to their nearest known obstacle.
+void ShortestPathMap::measure_escape(const ExplorationMap& map, const CellRect& around) {
+  escape_rect_ = around;
+  escape_clearance2_.fill(0xffff);
+  const CellRect near = around.grown(around.width / 2).intersection(map.frame().window());
+  for (std::int32_t oy = near.y; oy < near.top(); ++oy) {
+    for (std::int32_t ox = near.x; ox < near.right(); ++ox) {
+      if (!map.is_obstacle({ox, oy})) continue;
+      std::size_t i = 0;
+      for (std::int32_t y = around.y; y < around.top(); ++y) {
+        for (std::int32_t x = around.x; x < around.right(); ++x, ++i) {
+          const auto distance2 =
+              static_cast<std::uint16_t>((x - ox) * (x - ox) + (y - oy) * (y - oy));
+          escape_clearance2_[i] = std::min(escape_clearance2_[i], distance2);
+        }
+      }
+    }
+  }
+}
+
+std::uint16_t ShortestPathMap::escape_clearance(const ExplorationMap& map,
+                                                std::uint32_t index) const {
+  const Cell c = map.frame().cell_of_index(index);
+  if (!escape_rect_.contains(c)) return 0;
+  return escape_clearance2_[static_cast<std::size_t>((c.y - escape_rect_.y) * escape_rect_.width +
+                                                     c.x - escape_rect_.x)];
 }
 
 void ShortestPathMap::run(ExplorationMap& map) {
@@ -115,12 +157,20 @@ bool ShortestPathMap::push(std::uint32_t index, std::uint16_t cost) {
 
 void ShortestPathMap::settle(ExplorationMap& map, std::uint32_t index, std::uint16_t cost) {
   std::uint16_t* const costs = map.layers().path_cost.data();
+  const std::uint8_t* const inflation = map.layers().inflation.data();
   const std::int32_t stride = map.frame().width();
   for (const Step& step : kSteps) {
     const auto next =
         static_cast<std::uint32_t>(static_cast<std::int32_t>(index) + step.dy * stride + step.dx);
     const auto through = static_cast<std::uint32_t>(cost) + step.cost;
     if (costs[next] == kWall || through >= costs[next] || through > path::kLongest) continue;
+    if (inflation[next] == 0) {
+      left_blocked_ground_ = true;
+    } else if (leaves_outwards_only_ &&
+               (inflation[index] == 0 ||
+                escape_clearance(map, next) <= escape_clearance(map, index))) {
+      continue;
+    }
     costs[next] = static_cast<std::uint16_t>(through);
     push(next, static_cast<std::uint16_t>(through));
   }

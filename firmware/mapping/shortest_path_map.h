@@ -41,7 +41,8 @@ class ShortestPathMap {
   // Fills map.layers().path_cost inside `region` (clipped to the window) with the cost of the
   // shortest path from `robot` that stays in the region; cells a robot cannot stand on and cells
   // out of reach get kUnreachable. Cells outside the region become unknown to cost_at().
-  // A robot that already touches an inflated obstacle may leave it.
+  // A robot that already touches an inflated obstacle may leave it, and only moves away from it
+  // unless it is squeezed in between several.
   void compute(ExplorationMap& map, Cell robot, const CellRect& region);
 
   // Cost to reach `c`, kUnreachable outside the last computed region.
@@ -55,7 +56,11 @@ class ShortestPathMap {
 
  private:
   static constexpr std::size_t kBuckets = 32;
+  // ExplorationMap inflates by at most 8 cells; one more on each side leads out of it.
+  static constexpr std::size_t kMaxEscapeSide = 19;
 
+  void measure_escape(const ExplorationMap& map, const CellRect& around);
+  std::uint16_t escape_clearance(const ExplorationMap& map, std::uint32_t index) const;
   bool push(std::uint32_t index, std::uint16_t cost);
   void settle(ExplorationMap& map, std::uint32_t index, std::uint16_t cost);
   void relax_from_all(ExplorationMap& map);
@@ -67,8 +72,13 @@ class ShortestPathMap {
   std::array<std::uint32_t, kBuckets> sizes_{};
   std::size_t queued_ = 0;
   bool overflowed_ = false;
+  bool leaves_outwards_only_ = true;  // blocked cells lead only to cells further from obstacles
+  bool left_blocked_ground_ = false;  // the run has reached a cell that a robot can stand on
   CellRect region_{};
   Cell robot_{};
+  // Around a robot that stands on blocked ground: squared distance to an obstacle, in cells.
+  CellRect escape_rect_{};
+  std::array<std::uint16_t, kMaxEscapeSide * kMaxEscapeSide> escape_clearance2_{};
 };
 
 }  // namespace ivfm

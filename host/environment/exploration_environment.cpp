@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::int32_t kStepUm = 1'000;        // forward, a simulation step
 constexpr std::int32_t kTurnStep = 546;        // 3 degrees in binary angle units
-constexpr std::int32_t kContactGapUm = 200;    // robots come to rest this short of an obstacle
+constexpr std::int32_t kContactGapUm = 2'000;  // robots come to rest this short of an obstacle
 constexpr std::int32_t kSafetyGapUm = 20'000;  // and this short where the lidar stops them
 constexpr double kIdleUm = 5'000;              // method.md, "Reward"
 constexpr double kIdleRad = 0.017453292519943295;
@@ -453,9 +453,22 @@ void ExplorationEnvironment::take_view(Agent& agent, bool count_visits, StepResu
     point.range_mm = static_cast<std::uint16_t>((range_um + 999) / 1000);
     scan_.push(point);
   }
+  if (result.collided && config_.feels_contact) feel_contact(agent);
   agent.explorer.get().fuse(agent.pose, scan_, count_visits);
   ++result.views;
   result.found = result.found || target_in_view(agent.pose);
+}
+
+// Adds the touched point to the scan as one more beam.
+void ExplorationEnvironment::feel_contact(const Agent& agent) {
+  const Point here = agent.pose.position;
+  const auto touched =
+      scenario_.rays->nearest_obstacle(here, config_.body_radius_um + 2 * kContactGapUm);
+  if (!touched) return;  // another robot
+  const BinaryAngle direction = atan2_binary(std::int64_t{touched->y_um} - here.y_um,
+                                             std::int64_t{touched->x_um} - here.x_um);
+  const auto range_mm = static_cast<std::uint16_t>(std::ceil(distance_um(here, *touched) / 1000));
+  scan_.push({direction - agent.pose.heading, range_mm, Echo::kHit});
 }
 
 bool ExplorationEnvironment::target_in_view(const Pose& pose) const {

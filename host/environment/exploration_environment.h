@@ -41,6 +41,9 @@ struct EnvironmentConfig {
   // The lidar that looks all the time stops the robot before it touches anything: the action is
   // blocked, not a collision.
   bool stops_before_contact = false;
+  // A robot that collides feels where: the contact becomes an obstacle on its map. Without it a
+  // robot that touches what its camera cannot see would try the same way for ever.
+  bool feels_contact = true;
   bool walls_known = false;  // the world's border is on the maps from the start
 
   std::int32_t max_actions_per_agent = 800;
@@ -199,6 +202,7 @@ class ExplorationEnvironment {
   bool path_is_blocked(const Motion& motion) const;
 
   void take_view(Agent& agent, bool count_visits, StepResult& result);
+  void feel_contact(const Agent& agent);
   bool target_in_view(const Pose& pose) const;
 
   void share(int agent);

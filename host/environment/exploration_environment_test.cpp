@@ -72,7 +72,7 @@ TEST(ExplorationEnvironment, StopsOnContactWithAWall) {
   env.observe(0);
   const StepResult result = env.step(0, index_of(15, 0));
   EXPECT_TRUE(result.collided);
-  EXPECT_NEAR(result.distance_m, 0.3 - 0.064, 0.001);
+  EXPECT_NEAR(result.distance_m, 0.3 - 0.064 - 0.002, 0.001);
 }
 
 TEST(ExplorationEnvironment, CutsAnArenaActionAfterEightHundredSteps) {

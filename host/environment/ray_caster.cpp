@@ -161,30 +161,39 @@ bool RayCaster::disc_is_free(Point center, std::int32_t radius_um) const {
   const double cell = world_->cell_um;
   const double x = static_cast<double>(center.x_um) - world_->origin.x_um;
   const double y = static_cast<double>(center.y_um) - world_->origin.y_um;
-  const double r = radius_um;
-  if (x - r < 0 || y - r < 0 || x + r > cell * world_->width || y + r > cell * world_->height) {
-    return false;
-  }
-  const auto middle =
+  if (x < 0 || y < 0 || x >= cell * world_->width || y >= cell * world_->height) return false;
+  const std::size_t middle =
       padded_index(static_cast<std::int64_t>(x / cell), static_cast<std::int64_t>(y / cell));
-  if ((clearance_[middle] - 1) * cell > r) return true;
-  const auto x0 = static_cast<std::int64_t>((x - r) / cell);
-  const auto y0 = static_cast<std::int64_t>((y - r) / cell);
-  const auto x1 =
-      std::min<std::int64_t>(static_cast<std::int64_t>((x + r) / cell), world_->width - 1);
-  const auto y1 =
-      std::min<std::int64_t>(static_cast<std::int64_t>((y + r) / cell), world_->height - 1);
-  for (std::int64_t cy = y0; cy <= y1; ++cy) {
-    const auto low_y = static_cast<double>(cy) * cell;
-    const double gap_y = std::max({low_y - y, y - low_y - cell, 0.0});
-    for (std::int64_t cx = x0; cx <= x1; ++cx) {
+  if ((clearance_[middle] - 1) * cell > radius_um) return true;
+  return !nearest_obstacle(center, radius_um).has_value();
+}
+
+std::optional<Point> RayCaster::nearest_obstacle(Point center, std::int32_t radius_um) const {
+  const double cell = world_->cell_um, r = radius_um;
+  const double x = static_cast<double>(center.x_um) - world_->origin.x_um;
+  const double y = static_cast<double>(center.y_um) - world_->origin.y_um;
+  const auto cell_of = [&](double v, std::int32_t cells) {  // the border counts as one cell
+    return std::clamp<std::int64_t>(static_cast<std::int64_t>(std::floor(v / cell)), -1, cells);
+  };
+  double nearest2 = r * r;
+  std::optional<Point> nearest;
+  for (std::int64_t cy = cell_of(y - r, world_->height); cy <= cell_of(y + r, world_->height);
+       ++cy) {
+    const double low_y = static_cast<double>(cy) * cell;
+    const double near_y = std::clamp(y, low_y, low_y + cell);
+    for (std::int64_t cx = cell_of(x - r, world_->width); cx <= cell_of(x + r, world_->width);
+         ++cx) {
       if (clearance_[padded_index(cx, cy)] != 0) continue;
-      const auto low_x = static_cast<double>(cx) * cell;
-      const double gap_x = std::max({low_x - x, x - low_x - cell, 0.0});
-      if (gap_x * gap_x + gap_y * gap_y < r * r) return false;
+      const double low_x = static_cast<double>(cx) * cell;
+      const double near_x = std::clamp(x, low_x, low_x + cell);
+      const double gap2 = (near_x - x) * (near_x - x) + (near_y - y) * (near_y - y);
+      if (gap2 >= nearest2) continue;
+      nearest2 = gap2;
+      nearest = Point{static_cast<std::int32_t>(std::floor(near_x)) + world_->origin.x_um,
+                      static_cast<std::int32_t>(std::floor(near_y)) + world_->origin.y_um};
     }
   }
-  return true;
+  return nearest;
 }
 
 double RayCaster::free_travel_um(Point from, Point to, std::int32_t radius_um) const {

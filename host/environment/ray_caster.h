@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "host/environment/world.h"
@@ -28,6 +29,9 @@ class RayCaster {
 
   // A disc of `radius_um` at `center` touches no occupied cell.
   bool disc_is_free(Point center, std::int32_t radius_um) const;
+
+  // The point of an occupied cell that lies nearest to `center`, if one is within `radius_um`.
+  std::optional<Point> nearest_obstacle(Point center, std::int32_t radius_um) const;
 
   // How far a disc of `radius_um` moves from `from` straight towards `to` before it touches an
   // occupied cell; the whole distance when it does not. Leaving a contact is allowed: only cells
