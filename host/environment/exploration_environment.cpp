@@ -84,6 +84,7 @@ EnvironmentConfig EnvironmentConfig::arena() {
   c.cell_um = PaperProfile::kCellUm;
   c.window_cells = PaperProfile::kWindowCells;
   c.body_radius_um = arena::kRobotRadiusUm;
+  c.explorer.robot_radius_um = arena::kRobotRadiusUm + c.cell_um;  // planned with a cell to spare
   c.sensor = SensorModel::kPaperCamera;
   c.max_sim_steps = 800;
   c.view_every_steps = 60;
@@ -98,6 +99,7 @@ EnvironmentConfig EnvironmentConfig::building(std::int32_t sensor_range_um) {
   c.cell_um = RobotProfile::kCellUm;
   c.explorer = ExplorerConfig::lidar(sensor_range_um, c.cell_um);
   c.explorer.fusion.mapping_range_um = sensor_range_um;
+  c.explorer.min_frontier_size = 1;  // this lidar has no noise
   c.body_radius_um = c.explorer.robot_radius_um;
   // A robot may be 0.7 cell from the middle of its cell, and so may an obstacle's surface.
   c.explorer.robot_radius_um += c.cell_um * 7 / 5;
@@ -309,7 +311,7 @@ void ExplorationEnvironment::finish_action(int agent, StepResult& result) {
   result.re_seen_penalty_cells = static_cast<double>(seen.re_seen_penalty_q12) / 4096.0;
   result.idle = result.distance_m * 1e6 < kIdleUm && result.turned_rad < kIdleRad;
   share(agent);
-  if (result.collided || result.blocked) a.explorer.get().abandon_goal();
+  if (result.collided || (result.blocked && result.idle)) a.explorer.get().abandon_goal();
   ++totals_.actions[index];
   totals_.distance_m[index] += result.distance_m;
   totals_.sim_steps += result.sim_steps;
