@@ -150,8 +150,9 @@ void Agent::decide() {
 }
 
 bool Agent::action_is_over() {
-  if (stuck_) {
+  if (stuck_ || held_for_us_ > config_.max_hold_us) {
     stuck_ = false;
+    held_for_us_ = 0;
     ++progress_.stuck;
     explorer_.abandon_goal();
     return true;
@@ -169,6 +170,7 @@ void Agent::begin_action(TimeUs now_us) {
   acting_ = ok(follower_.start(explorer_.path().points(), now_us));
   action_start_um_ = odometry_.travelled_um();
   stuck_ = false;
+  held_for_us_ = 0;
   ++progress_.actions;
   if (decision_.kind == Decision::Kind::kGlobalGoal) ++progress_.global_actions;
 }
@@ -178,6 +180,9 @@ void Agent::drive(TimeUs now_us) {
   const FollowStep wish = follower_.step(odometry_.pose(), commanded_, now_us);
   stuck_ = stuck_ || wish.status == Status::kTimeout;
   commanded_ = supervisor_.gate(wish.velocity, supervisor_inputs(now_us), now_us);
+  const bool held = supervisor_.reasons().has(StopReason::kObstacle);
+  held_for_us_ = held ? held_for_us_ + (now_us - driven_us_) : 0;
+  driven_us_ = now_us;
   if (supervisor_.reasons().has(StopReason::kInternalError)) {
     wheels_.quick_stop();
     return;

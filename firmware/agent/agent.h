@@ -33,6 +33,7 @@ struct AgentConfig {
   bool autostart = true;  // explore as soon as the devices are ready
   // An action ends after this much driving even when its goal is further: the map has changed.
   std::int32_t max_action_travel_um = 1'500'000;
+  TimeUs max_hold_us = 1'000'000;      // held back by an obstacle for longer: another goal
   TimeUs share_period_us = 2'000'000;  // changes of the map go to the link at least so often
 };
 
@@ -125,6 +126,8 @@ class Agent {
   bool acting_ = false;
   std::uint64_t action_start_um_ = 0;
   bool stuck_ = false;
+  TimeUs held_for_us_ = 0;  // by an obstacle, without a break
+  TimeUs driven_us_ = 0;
   Velocity commanded_{};
   TimeUs shared_us_ = 0;
   TimeUs started_us_ = 0;
