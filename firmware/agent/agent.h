@@ -86,6 +86,8 @@ class Agent {
   const Supervisor& supervisor() const { return supervisor_; }
   const MapLink& link() const { return link_; }
   const Explorer& explorer() const { return explorer_; }
+  // The last revolution, corrected for motion.
+  const Scan& last_scan() const { return scan_; }
   const Velocity& commanded() const { return commanded_; }
   std::uint32_t decision_time_us() const { return decision_time_us_; }
 
@@ -136,13 +138,20 @@ class Agent {
   AgentProgress progress_{};
 };
 
+// An explorer that is constructed before the agent that uses it.
+template <typename Profile>
+struct ExplorerMember {
+  explicit ExplorerMember(const ExplorerConfig& config) : explorer_memory(config) {}
+  ExplorerFor<Profile> explorer_memory;
+};
+
 // The agent with all its memory. Its size is a constant of the profile.
 template <typename Profile>
-class AgentFor : private ExplorerFor<Profile>, public Agent {
+class AgentFor : private ExplorerMember<Profile>, public Agent {
  public:
   AgentFor(const AgentConfig& config, const AgentPorts& ports)
-      : ExplorerFor<Profile>(config.explorer),
-        Agent(config, ports, static_cast<ExplorerFor<Profile>&>(*this)) {}
+      : ExplorerMember<Profile>(config.explorer),
+        Agent(config, ports, ExplorerMember<Profile>::explorer_memory) {}
   AgentFor(const AgentFor&) = delete;
   AgentFor& operator=(const AgentFor&) = delete;
 };
