@@ -172,7 +172,8 @@ MapComparison compare_with_dumps(const std::filesystem::path& database,
       comparator.note(who + " has two dumps");
     }
   }
-  for (const auto& [robot, map] : stored) {
+  for (const auto& [robot, stored_map] : stored) {
+    const LayerMap& map = stored_map;
     const std::string who = "robot " + std::to_string(robot);
     const auto dump = held.find(robot);
     if (dump == held.end()) {

@@ -360,7 +360,7 @@ TEST(MapServer, RandomBodiesInRightEnvelopesNeverHarm) {
 TEST(MapServerProperty, NothingIsLostOnABadRadioWithServersThatAreKilled) {
   for (std::uint32_t seed = 1; seed <= 12; ++seed) {
     std::mt19937 random(seed);
-    Team team(2 + seed % 3, seed, {300, 100, 30, 30, 300000});
+    Team team(2 + seed % 3, seed, {300, 100, 30, 30, 900000});
     const TimeUs faulty_until = team.now_us() + 30 * kSecond;
     while (team.now_us() < faulty_until) {
       team.tick();
