@@ -22,7 +22,7 @@ constexpr TimeUs kRequestTimeoutUs = 500'000;  // a half request is forgotten af
 constexpr std::int32_t kMaxCompensationQ3 = 63;
 
 // Scan modes in the words of the configuration requests.
-constexpr std::uint16_t kStandardMode = 0, kExpressMode = 1, kModeCount = 2;
+constexpr std::uint16_t kExpressMode = 1, kModeCount = 2;  // mode 0 is the standard scan
 
 std::uint16_t wrap_q6(std::int32_t angle_q6) {
   angle_q6 %= kFullTurnQ6;
@@ -59,6 +59,21 @@ RplidarSample to_sample(const ScanPoint& point, std::uint16_t angle_q6,
 
 std::int32_t raw_angle_q6(std::size_t index, std::size_t count) {
   return static_cast<std::int32_t>((2 * index * kFullTurnQ6 + count) / (2 * count));
+}
+
+bool is_request(std::uint8_t command) {
+  switch (static_cast<Request>(command)) {
+    case Request::kScan:
+    case Request::kForceScan:
+    case Request::kStop:
+    case Request::kReset:
+    case Request::kGetInfo:
+    case Request::kGetHealth:
+    case Request::kGetSampleRate:
+    case Request::kExpressScan:
+    case Request::kGetConfiguration: return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -149,7 +164,7 @@ void RplidarEmulator::parse(std::uint8_t byte, TimeUs now_us) {
 void RplidarEmulator::execute(TimeUs now_us) {
   ++counters_.requests;
   emit_samples(now_us);
-  const Mode mode_before = mode_;
+  if (!is_request(command_)) return reject();
   mode_ = Mode::kIdle;
   switch (static_cast<Request>(command_)) {
     case Request::kStop: return;
@@ -168,8 +183,6 @@ void RplidarEmulator::execute(TimeUs now_us) {
     case Request::kGetSampleRate: return answer_sample_rate();
     case Request::kGetConfiguration: return answer_configuration();
   }
-  mode_ = mode_before;
-  reject();
 }
 
 void RplidarEmulator::begin_scan(Mode mode, bool force, TimeUs now_us) {

@@ -169,6 +169,15 @@ TEST(RplidarEmulator, IgnoresBrokenRequestsAndHearsTheNextOne) {
   EXPECT_EQ(ask(emulator, {0xa5, 0xa5, 0x52}, 1'000'000).size(), 10u) << "after a pause";
 }
 
+TEST(RplidarEmulator, GoesOnScanningThroughAnUnknownRequest) {
+  RplidarEmulator emulator;
+  ask(emulator, kScan, 0);
+  // What rplidar_sdk asks an A2's accessory board; an A1 does not know it.
+  ask(emulator, {0xa5, 0xff, 4, 0, 0, 0, 0, 0x5e}, 1000);
+  EXPECT_TRUE(emulator.scanning());
+  EXPECT_EQ(emulator.counters().bad_requests, 1u);
+}
+
 TEST(RplidarEmulator, SurvivesRandomBytes) {
   std::mt19937 random(3);
   RplidarEmulator emulator;
