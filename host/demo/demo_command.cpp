@@ -64,7 +64,8 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
   command->add_option("--policy", options->policy, "qnet or frontier-nearest")
       ->capture_default_str()
       ->check(CLI::IsMember({"qnet", "frontier-nearest"}));
-  command->add_option("--model", options->model, "quantized Q-network [models/demo.ivfm]");
+  command->add_option("--model", options->model,
+                      "quantized Q-network [the first of models/*.ivfm]");
   command->add_option("--agent", options->agent, "program of the robots [ivfm-agent beside this]");
   command->add_option("--out", options->out, "folder for the results")->capture_default_str();
   command->add_option("--time-scale", options->time_scale, "robots' seconds in a real one")

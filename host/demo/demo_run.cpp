@@ -6,6 +6,7 @@
 #include <fstream>
 #include <map>
 #include <numeric>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -53,14 +54,20 @@ fs::path find_agent(const fs::path& given) {
   return *found;
 }
 
+// The first model in the folder `models` of the source tree, in the order of their names.
 fs::path find_model(const fs::path& given) {
   if (!given.empty()) return given;
-  const auto found = find_upwards({"models/demo.ivfm"});
-  if (!found) {
-    throw std::runtime_error("models/demo.ivfm is not above " + own_path().string() +
-                             ": give --model FILE, or --policy frontier-nearest");
+  for (fs::path folder = own_path().parent_path();; folder = folder.parent_path()) {
+    std::set<fs::path> models;
+    std::error_code none;
+    for (const auto& entry : fs::directory_iterator(folder / "models", none)) {
+      if (entry.path().extension() == ".ivfm") models.insert(entry.path());
+    }
+    if (!models.empty()) return *models.begin();
+    if (folder == folder.parent_path()) break;
   }
-  return *found;
+  throw std::runtime_error("no folder above " + own_path().string() +
+                           " has models/*.ivfm: give --model FILE, or --policy frontier-nearest");
 }
 
 std::vector<Trajectory> trajectories_of(const std::vector<TruthRow>& truth) {

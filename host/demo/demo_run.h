@@ -22,7 +22,7 @@ namespace ivfm::host {
 struct DemoOptions {
   WorldRequest world;
   std::string policy = "qnet";  // qnet or frontier-nearest
-  std::filesystem::path model;  // of qnet; empty: models/demo.ivfm of the source tree
+  std::filesystem::path model;  // of qnet; empty: the first in the source tree's models/
   std::filesystem::path agent;  // empty: beside this program
   std::filesystem::path out = "out/demo";
   double time_scale = 4;
