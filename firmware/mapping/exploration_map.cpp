@@ -115,6 +115,19 @@ unsigned ExplorationMap::visits(Cell c) const {
   return saturating_add(layers_.own_visits[i], layers_.peer_visits[i]);
 }
 
+bool ExplorationMap::obstacle_within(Cell c, std::int32_t radius_um) const {
+  const std::int32_t reach = radius_um / frame_.cell_um();
+  const std::int64_t radius2 = std::int64_t{radius_um} * radius_um;
+  for (std::int32_t dy = -reach; dy <= reach; ++dy) {
+    for (std::int32_t dx = -reach; dx <= reach; ++dx) {
+      const std::int64_t square =
+          std::int64_t{dx * dx + dy * dy} * frame_.cell_um() * frame_.cell_um();
+      if (square <= radius2 && is_obstacle({c.x + dx, c.y + dy})) return true;
+    }
+  }
+  return false;
+}
+
 void ExplorationMap::add_evidence(Cell c, int evidence) {
   if (!frame_.contains(c)) return;
   std::int8_t& cell = layers_.occupancy[frame_.index_of(c)];

@@ -84,6 +84,9 @@ class ExplorationMap final : public SharedMap {
     return !frame_.contains(c) || layers_.inflation[frame_.index_of(c)] != 0;
   }
 
+  // Whether the middle of a known obstacle lies within `radius_um` of the middle of `c`.
+  bool obstacle_within(Cell c, std::int32_t radius_um) const;
+
   // Adds `evidence` (occupancy::kHit or kMiss) to a cell; outside the window nothing happens.
   void add_evidence(Cell c, int evidence);
   // Adds occupancy::kMiss to the cells on the straight line from `a` to before `b` (Bresenham) that

@@ -34,7 +34,8 @@ std::uint16_t ShortestPathMap::cost_at(const ExplorationMap& map, Cell c) const 
   return map.layers().path_cost[map.frame().index_of(c)];
 }
 
-void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& region) {
+void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& region,
+                              Clearance clearance) {
   const GridFrame& frame = map.frame();
   region_ = region.intersection(frame.window().grown(-1));
   robot_ = robot;
@@ -42,6 +43,7 @@ void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& r
     region_ = {};
     return;
   }
+  const bool tight = clearance == Clearance::kTight && config_.tight_radius_um > 0;
   // A ring of walls around the region spares the inner loop all bounds checks.
   const CellRect ring = region_.grown(1);
   const std::span<std::uint16_t> cost = map.layers().path_cost;
@@ -50,7 +52,8 @@ void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& r
     const std::size_t row = frame.index_of({ring.x, y});
     const bool edge_row = y == ring.y || y == ring.top() - 1;
     for (std::size_t i = row; i < row + static_cast<std::size_t>(ring.width); ++i) {
-      bool free = layers.inflation[i] == 0;
+      bool free = layers.inflation[i] == 0 ||
+                  (tight && !map.obstacle_within(frame.cell_of_index(i), config_.tight_radius_um));
       if (!config_.unknown_is_traversable) {
         free = free && (layers.occupancy[i] < 0 || layers.own_visits[i] || layers.peer_visits[i]);
       }
@@ -69,8 +72,8 @@ void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& r
       if (here || !map.is_obstacle({x, y})) cost[frame.index_of({x, y})] = path::kUnreachable;
     }
   }
-  leaves_outwards_only_ = true;
-  left_blocked_ground_ = layers.inflation[frame.index_of(robot)] == 0;
+  leaves_outwards_only_ = !tight;
+  left_blocked_ground_ = tight || layers.inflation[frame.index_of(robot)] == 0;
   if (!left_blocked_ground_) measure_escape(map, around);
   run(map);
   if (!left_blocked_ground_) {  // squeezed in between obstacles: any way out will do

@@ -26,10 +26,14 @@ struct BucketStorage {
   std::array<std::uint32_t, kBuckets * kCapacity> entries;
 };
 
+// How much room to keep: as much as the map's inflation, or as little as the robot needs.
+enum class Clearance : std::uint8_t { kPreferred, kTight };
+
 struct PathConfig {
   // Robots that map with a short camera drive into the unknown; with a lidar they keep to what
   // they know to be free.
   bool unknown_is_traversable = true;
+  std::int32_t tight_radius_um = 0;  // 0: no tighter than the map's inflation
 };
 
 class ShortestPathMap {
@@ -43,7 +47,10 @@ class ShortestPathMap {
   // out of reach get kUnreachable. Cells outside the region become unknown to cost_at().
   // A robot that already touches an inflated obstacle may leave it, and only moves away from it
   // unless it is squeezed in between several.
-  void compute(ExplorationMap& map, Cell robot, const CellRect& region);
+  // kTight squeezes through gaps that the inflation closes but a robot of config().tight_radius_um
+  // fits through.
+  void compute(ExplorationMap& map, Cell robot, const CellRect& region,
+               Clearance clearance = Clearance::kPreferred);
 
   // Cost to reach `c`, kUnreachable outside the last computed region.
   std::uint16_t cost_at(const ExplorationMap& map, Cell c) const;

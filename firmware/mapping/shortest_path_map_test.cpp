@@ -80,6 +80,23 @@ TEST(ShortestPathMap, ARobotTooCloseToAWallMayDriveOff) {
   EXPECT_EQ(world.paths.cost_at(world.map, {0, 1}), path::kUnreachable) << "not along the wall";
 }
 
+TEST(ShortestPathMap, OnlyTightClearanceSqueezesThroughANarrowGap) {
+  // A gap of three cells; the inflation by 0.105 m closes it, a robot of 0.06 m fits.
+  Drawn world({"....#....",  //
+               "....#....",  //
+               ".........",  //
+               ".........",  //
+               ".........",  //
+               "....#....",  //
+               "....#...."},
+              {.unknown_is_traversable = false, .tight_radius_um = 60'000}, 105'000);
+  world.paths.compute(world.map, {0, 3}, world.region);
+  EXPECT_EQ(world.paths.cost_at(world.map, {8, 3}), path::kUnreachable);
+  world.paths.compute(world.map, {0, 3}, world.region, Clearance::kTight);
+  EXPECT_EQ(world.paths.cost_at(world.map, {8, 3}), 8 * 12);
+  EXPECT_EQ(world.paths.cost_at(world.map, {4, 2}), path::kUnreachable) << "next to the wall";
+}
+
 TEST(ShortestPathMap, AQueueThatOverflowsStillFindsEveryCost) {
   std::vector<std::string> rows(60, std::string(60, '.'));
   for (std::size_t i = 0; i < 50; ++i) rows[20][i] = rows[40][59 - i] = '#';

@@ -46,6 +46,7 @@ void Explorer::observe(const Pose& pose) {
   const GridFrame& frame = map_.frame();
   state_.grid = PolicyGrid::centred_on(robot, config_.pool);
   paths_.compute(map_, robot, state_.grid.window());
+  tight_ = false;
   const MapLayers& layers = map_.layers();
   // The arguments are this object's own spans and a validated pool: the encoders cannot refuse.
   (void)encode_ivfm(
@@ -128,27 +129,41 @@ CellRect Explorer::explored_region(const Pose& pose) const {
 }
 
 Decision Explorer::select_global_goal(const Pose& pose) {
-  const CellRect everything = explored_region(pose);
-  paths_.compute(map_, robot_cell(pose), everything);
-  Decision decision;
+  // Only when nothing is left with room to spare the robot squeezes through narrow places.
+  for (const Clearance clearance : {Clearance::kPreferred, Clearance::kTight}) {
+    plan_everywhere(pose, clearance);
+    if (const auto frontier = choose_frontier()) {
+      Decision decision;
+      decision.kind = Decision::Kind::kGlobalGoal;
+      decision.goal = frontier->stand;
+      return planned(decision);
+    }
+    if (config_.paths.tight_radius_um == 0) break;
+  }
+  return config_.return_to_start ? select_return(pose) : stay();
+}
+
+void Explorer::plan_everywhere(const Pose& pose, Clearance clearance) {
+  paths_.compute(map_, robot_cell(pose), explored_region(pose), clearance);
+  tight_ = clearance == Clearance::kTight;
+}
+
+std::optional<FrontierGoal> Explorer::choose_frontier() {
   // Frontiers that were tried in vain several times are given up, so this loop ends.
-  while (const auto frontier = nearest_frontier(map_, paths_, everything, stand_off_cells(),
+  while (const auto frontier = nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(),
                                                 config_.min_frontier_size)) {
     tries_at_frontier_ = frontier->frontier == last_frontier_ ? tries_at_frontier_ + 1 : 0;
     last_frontier_ = frontier->frontier;
-    if (tries_at_frontier_ > 3) {
-      give_up_frontier();
-      continue;
-    }
-    decision.kind = Decision::Kind::kGlobalGoal;
-    decision.goal = frontier->stand;
-    return planned(decision);
+    if (tries_at_frontier_ <= 3) return frontier;
+    give_up_frontier();
   }
-  return config_.return_to_start ? return_or_stay(pose) : stay();
+  return std::nullopt;
 }
 
 Decision Explorer::select_return(const Pose& pose) {
-  paths_.compute(map_, robot_cell(pose), explored_region(pose));
+  plan_everywhere(pose, Clearance::kPreferred);
+  const Cell home = map_.frame().cell_at(start_.position);
+  if (paths_.cost_at(map_, home) == path::kUnreachable) plan_everywhere(pose, Clearance::kTight);
   return return_or_stay(pose);
 }
 
@@ -168,7 +183,7 @@ Decision Explorer::stay() {
 }
 
 Status Explorer::select_cell(const Pose& pose, Cell goal, Decision& out) {
-  paths_.compute(map_, robot_cell(pose), explored_region(pose));
+  plan_everywhere(pose, Clearance::kPreferred);
   if (paths_.cost_at(map_, goal) == path::kUnreachable) return Status::kUnavailable;
   Decision decision;
   decision.kind = Decision::Kind::kGlobalGoal;
@@ -200,6 +215,7 @@ void Explorer::review_last_goal(const Pose& pose) {
 
 bool Explorer::goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const {
   if (last_.kind == Decision::Kind::kGlobalGoal && !is_frontier(map_, last_frontier_)) return false;
+  if (tight_) return true;  // nearer to obstacles than the inflation allows
   const std::span<const Point> waypoints = path_.points();
   Cell from = robot_cell(pose);
   const std::int32_t leave = stand_off_cells();  // the robot may stand near an obstacle already
@@ -240,6 +256,7 @@ void Explorer::copy_from(const Explorer& other) {
   last_frontier_ = other.last_frontier_;
   idle_actions_ = other.idle_actions_;
   tries_at_frontier_ = other.tries_at_frontier_;
+  tight_ = other.tight_;
   q_values_ = other.q_values_;
 }
 

@@ -140,6 +140,8 @@ class Explorer {
   Cell robot_cell(const Pose& pose) const { return map_.frame().cell_at(pose.position); }
   CellRect explored_region(const Pose& pose) const;
   Decision select_best(std::span<const std::int32_t> q_values);
+  void plan_everywhere(const Pose& pose, Clearance clearance);
+  std::optional<FrontierGoal> choose_frontier();
   Decision return_or_stay(const Pose& pose);
   Decision stay();
   void give_up_frontier();
@@ -159,6 +161,7 @@ class Explorer {
   Cell last_frontier_{};
   std::int32_t idle_actions_ = 0;
   std::int32_t tries_at_frontier_ = 0;
+  bool tight_ = false;  // the last goal leads through narrow places
   std::array<std::int32_t, kPolicyGridSize> q_values_{};
 };
 

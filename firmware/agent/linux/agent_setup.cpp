@@ -18,6 +18,8 @@ std::uint32_t to_counts(double counts) {
 
 std::int32_t to_um(double metres) { return static_cast<std::int32_t>(std::lround(metres * 1e6)); }
 
+// The supervisor keeps this much more than the robot's radius free: lidar noise, old scans.
+constexpr std::int32_t kSafetyMarginUm = 30'000;
 constexpr std::int32_t kMappingRangeUm = 6'000'000;
 
 ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um) {
@@ -25,9 +27,10 @@ ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um
   if (options.visit_fov_deg < 360) {
     config.fusion.footprint.half_angle = BinaryAngle::from_degrees(options.visit_fov_deg / 2).raw();
   }
-  // Distances between cells are those of their middles: an obstacle's edge and the robot may both be
-  // half a cell nearer.
-  config.robot_radius_um = to_um(options.robot_radius_m) + cell_um;
+  // Distances between cells are those of their middles: an obstacle's edge and the robot may both
+  // be half a cell nearer; the follower's deviations come on top.
+  config.robot_radius_um = to_um(options.robot_radius_m) + cell_um + cell_um / 2;
+  config.paths.tight_radius_um = to_um(options.robot_radius_m) + cell_um / 2;
   // Further away the noise of an RPLIDAR A1 (1 % of the range) exceeds a cell.
   config.fusion.mapping_range_um = std::max(to_um(options.visit_range_m), kMappingRangeUm);
   config.min_goal_distance_um = config.robot_radius_um;
@@ -59,7 +62,7 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
   config.follower.max_speed_um_s = to_um(options.max_speed_m_s);
   config.follower.max_turn_mrad_s =
       static_cast<std::int32_t>(std::lround(options.max_turn_rad_s * 1000));
-  config.supervisor.robot_radius_um = to_um(options.robot_radius_m);
+  config.supervisor.robot_radius_um = to_um(options.robot_radius_m) + kSafetyMarginUm;
   config.supervisor.max_speed_um_s = config.follower.max_speed_um_s;
   config.supervisor.max_turn_mrad_s = config.follower.max_turn_mrad_s;
   config.link.robot = static_cast<std::uint16_t>(options.robot_id);
