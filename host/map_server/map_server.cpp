@@ -114,9 +114,10 @@ void MapServer::start_epoch(Robot& robot, std::uint32_t epoch, TimeUs now_us) {
   robot.to_acknowledge.clear();
   robot.heard = false;
   robot.command_pending = robot.command.has_value() && robot.command->code == CommandCode::kFound;
-  rows_.push_back([time = to_sql(now_us), id = robot.record.robot, epoch](RunDatabase& database) {
-    database.add_event(time, id, "started", "epoch " + std::to_string(epoch));
-  });
+  rows_.emplace_back(
+      [time = to_sql(now_us), id = robot.record.robot, epoch](RunDatabase& database) {
+        database.add_event(time, id, "started", "epoch " + std::to_string(epoch));
+      });
 }
 
 // First contact since one of both has started: everything of the others is news.
@@ -146,7 +147,7 @@ void MapServer::handle_map_update(Robot& robot, std::uint32_t sequence,
 bool MapServer::accept_cell_size(std::int32_t cell_um) {
   if (!cell_um_) {
     cell_um_ = cell_um;
-    rows_.push_back([cell_um](RunDatabase& database) { database.save_cell_um(cell_um); });
+    rows_.emplace_back([cell_um](RunDatabase& database) { database.save_cell_um(cell_um); });
   }
   if (*cell_um_ == cell_um) return true;
   ++counters_.dropped_cell_size;
@@ -205,8 +206,8 @@ void MapServer::handle_hello(Robot& robot, std::uint32_t sequence,
     return;
   }
   if (!accept_cell_size(hello->cell_um)) {
-    rows_.push_back([time = to_sql(now_us), id = robot.record.robot,
-                     cell_um = hello->cell_um](RunDatabase& database) {
+    rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot,
+                        cell_um = hello->cell_um](RunDatabase& database) {
       database.add_event(time, id, "refused", "cells of " + std::to_string(cell_um) + " um");
     });
     return;
@@ -224,10 +225,10 @@ void MapServer::handle_status(Robot& robot, std::span<const std::uint8_t> body, 
   take_pose(robot, status->pose, now_us);
   const std::uint16_t id = robot.record.robot;
   const std::int64_t time = to_sql(now_us);
-  rows_.push_back([=](RunDatabase& database) { database.add_status(time, id, *status); });
+  rows_.emplace_back([=](RunDatabase& database) { database.add_status(time, id, *status); });
   if (robot.goal == status->goal) return;
   robot.goal = status->goal;
-  rows_.push_back([=](RunDatabase& database) { database.add_goal(time, id, status->goal); });
+  rows_.emplace_back([=](RunDatabase& database) { database.add_goal(time, id, status->goal); });
 }
 
 void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
@@ -241,8 +242,8 @@ void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
   robot.to_acknowledge.push_back(sequence);
   if (finder_) return;
   finder_ = robot.record.robot;
-  rows_.push_back([time = to_sql(now_us), id = robot.record.robot,
-                   target = found->target](RunDatabase& database) {
+  rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot,
+                      target = found->target](RunDatabase& database) {
     database.add_event(
         time, id, "found",
         "x_um " + std::to_string(target.x_um) + " y_um " + std::to_string(target.y_um));
@@ -256,7 +257,7 @@ void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
 void MapServer::take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us) {
   const Pose pose = *unpack_pose(packed);
   if (cell_um_) robot.cell = GridFrame(*cell_um_, {}).cell_at(pose.position);
-  rows_.push_back([time = to_sql(now_us), id = robot.record.robot, pose](RunDatabase& database) {
+  rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot, pose](RunDatabase& database) {
     database.add_pose(time, id, pose);
   });
 }
@@ -307,7 +308,7 @@ void MapServer::log_traffic_and_progress(TimeUs now_us) {
   for (auto& [id, robot] : robots_) {
     if (robot.logged_traffic == robot.record.traffic) continue;
     robot.logged_traffic = robot.record.traffic;
-    rows_.push_back([time, id = id, traffic = robot.record.traffic](RunDatabase& database) {
+    rows_.emplace_back([time, id = id, traffic = robot.record.traffic](RunDatabase& database) {
       database.add_traffic(time, id, traffic);
     });
   }
@@ -315,7 +316,8 @@ void MapServer::log_traffic_and_progress(TimeUs now_us) {
   if (explored == logged_explored_ && obstacles == logged_obstacles_) return;
   logged_explored_ = explored;
   logged_obstacles_ = obstacles;
-  rows_.push_back([=](RunDatabase& database) { database.add_progress(time, explored, obstacles); });
+  rows_.emplace_back(
+      [=](RunDatabase& database) { database.add_progress(time, explored, obstacles); });
 }
 
 void MapServer::acknowledge_committed(Robot& robot) {

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "shared/geometry/grid_frame.h"
@@ -21,7 +22,10 @@ struct TileKey {
   Layer layer = Layer::kVisits;
   std::int32_t x = 0;
   std::int32_t y = 0;
-  auto operator<=>(const TileKey&) const = default;
+  bool operator==(const TileKey&) const = default;
+  bool operator<(const TileKey& other) const {
+    return std::tie(layer, y, x) < std::tie(other.layer, other.y, other.x);
+  }
   CellRect cells() const { return {x * kTileSide, y * kTileSide, kTileSide, kTileSide}; }
 };
 
