@@ -173,13 +173,13 @@ FleetOptions DemoRun::fleet_options() const {
                                "--seed",           std::to_string(options_.world.seed),
                                "--odometry-noise", options_.odometry_noise};
   if (options_.world.resolution_m) {
-    fleet.simulator_arguments.push_back("--resolution");
-    fleet.simulator_arguments.push_back(text_of("%.9g", *options_.world.resolution_m));
+    fleet.simulator_arguments.emplace_back("--resolution");
+    fleet.simulator_arguments.emplace_back(text_of("%.9g", *options_.world.resolution_m));
   }
-  if (options_.world.random_starts) fleet.simulator_arguments.push_back("--random-starts");
+  if (options_.world.random_starts) fleet.simulator_arguments.emplace_back("--random-starts");
   for (const std::string& fault : options_.faults) {
-    fleet.simulator_arguments.push_back("--fault");
-    fleet.simulator_arguments.push_back(fault);
+    fleet.simulator_arguments.emplace_back("--fault");
+    fleet.simulator_arguments.emplace_back(fault);
   }
   fleet.agent_arguments = {"--profile",      "robot",
                            "--visit-range",  text_of("%.9g", options_.visit_range_m),
@@ -187,8 +187,8 @@ FleetOptions DemoRun::fleet_options() const {
                            "--wheel-radius", text_of("%.9g", world_.body.wheel_radius_m),
                            "--wheel-base",   text_of("%.9g", world_.body.wheel_base_m)};
   if (options_.policy == "qnet") {
-    fleet.agent_arguments.push_back("--model");
-    fleet.agent_arguments.push_back(find_model(options_.model));
+    fleet.agent_arguments.emplace_back("--model");
+    fleet.agent_arguments.emplace_back(find_model(options_.model));
   }
   return fleet;
 }
