@@ -19,8 +19,6 @@ namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 
 constexpr std::int32_t kCellUm = 50'000;  // of profile `robot`
-// What agents take for their radius is larger by this: an RPLIDAR sees nothing nearer than 0.15 m.
-constexpr double kSafetyMarginM = 0.045;
 
 std::string text_of(const char* format, double value) {
   char text[64];
@@ -183,7 +181,7 @@ FleetOptions DemoRun::fleet_options() const {
   }
   fleet.agent_arguments = {"--profile",      "robot",
                            "--visit-range",  text_of("%.9g", options_.visit_range_m),
-                           "--robot-radius", text_of("%.9g", world_.body.radius_m + kSafetyMarginM),
+                           "--robot-radius", text_of("%.9g", world_.body.radius_m),
                            "--wheel-radius", text_of("%.9g", world_.body.wheel_radius_m),
                            "--wheel-base",   text_of("%.9g", world_.body.wheel_base_m)};
   if (options_.policy == "qnet") {
