@@ -25,10 +25,10 @@ ScanPoint seen_from(const ScanPoint& point, const Pose& from, const Pose& to) {
   if (point.echo == Echo::kNothing || from.position == to.position) return moved;
   const BinaryAngle direction = from.heading + point.bearing;
   const std::int32_t range_um = std::int32_t{point.range_mm} * 1000;
-  const std::int64_t dx = std::int64_t{from.position.x_um} - to.position.x_um +
-                          scale_q30(range_um, cos_q30(direction));
-  const std::int64_t dy = std::int64_t{from.position.y_um} - to.position.y_um +
-                          scale_q30(range_um, sin_q30(direction));
+  const std::int64_t dx =
+      std::int64_t{from.position.x_um} - to.position.x_um + scale_q30(range_um, cos_q30(direction));
+  const std::int64_t dy =
+      std::int64_t{from.position.y_um} - to.position.y_um + scale_q30(range_um, sin_q30(direction));
   const std::uint32_t range = integer_sqrt(static_cast<std::uint64_t>(dx * dx + dy * dy));
   const std::uint32_t range_mm = (range + 500) / 1000;
   if (range_mm > 0xffff) return {moved.bearing, 0, Echo::kNothing, 0};

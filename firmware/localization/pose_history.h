@@ -37,9 +37,10 @@ class PoseHistory {
   std::size_t size_ = 0;
 };
 
-// `scan` as if all its beams had been measured at once from the robot's pose at `end_us`. Its points
-// are taken to be spread evenly over [start_us, end_us]. Bearings and ranges change with the motion
-// in between; a beam that leaves the range of uint16 millimetres becomes Echo::kNothing.
-void deskew(const Scan& scan, TimeUs start_us, TimeUs end_us, const PoseHistory& history, Scan& out);
+// `scan` as if all its beams had been measured at once from the robot's pose at `end_us`. Its
+// points are taken to be spread evenly over [start_us, end_us]. Bearings and ranges change with the
+// motion in between; a beam that leaves the range of uint16 millimetres becomes Echo::kNothing.
+void deskew(const Scan& scan, TimeUs start_us, TimeUs end_us, const PoseHistory& history,
+            Scan& out);
 
 }  // namespace ivfm

@@ -33,7 +33,8 @@ class CanServer {
     std::uint64_t slow_clients = 0;  // dropped because they did not read
   };
 
-  // Listens. Throws std::runtime_error with one sentence: address unknown or in use, log unwritable.
+  // Listens. Throws std::runtime_error with one sentence: address unknown or in use, log
+  // unwritable.
   explicit CanServer(const CanServerOptions& options);
   ~CanServer();
   CanServer(const CanServer&) = delete;

@@ -261,8 +261,7 @@ TEST(Candump, LinesLookLikeCandumps) {
   EXPECT_EQ(format_candump(1'436'509'052'249'713, "vcan0", frame),
             "(1436509052.249713) vcan0 044#2A366C2BBA000000\n");
   EXPECT_EQ(format_candump(0, "b", {.id = 0x80}), "(0000000000.000000) b 080#\n");
-  EXPECT_EQ(format_candump(0, "b", {.id = 0x701, .remote = true}),
-            "(0000000000.000000) b 701#R\n");
+  EXPECT_EQ(format_candump(0, "b", {.id = 0x701, .remote = true}), "(0000000000.000000) b 701#R\n");
   EXPECT_EQ(format_candump(0, "b", {.id = 1, .extended = true, .size = 1}),
             "(0000000000.000000) b 00000001#00\n");
 }
@@ -270,8 +269,8 @@ TEST(Candump, LinesLookLikeCandumps) {
 // can-utils reads our log: log2asc prints the frame of each line.
 TEST(Candump, CanUtilsReadsOurLog) {
   if (std::system("command -v log2asc > /dev/null") != 0) GTEST_SKIP() << "no can-utils";
-  const auto folder = std::filesystem::temp_directory_path() /
-                      ("ivfm-can-log-" + std::to_string(getpid()));
+  const auto folder =
+      std::filesystem::temp_directory_path() / ("ivfm-can-log-" + std::to_string(getpid()));
   std::filesystem::create_directories(folder);
   {
     RunningServer running(with_log(folder / "can.log"));
@@ -283,8 +282,8 @@ TEST(Candump, CanUtilsReadsOurLog) {
       std::this_thread::sleep_for(5ms);
     }
   }
-  const std::string command = "log2asc -I " + (folder / "can.log").string() + " robot1 > " +
-                              (folder / "can.asc").string();
+  const std::string command =
+      "log2asc -I " + (folder / "can.log").string() + " robot1 > " + (folder / "can.asc").string();
   EXPECT_EQ(std::system(command.c_str()), 0);
   std::ifstream stream(folder / "can.asc");
   const std::string text((std::istreambuf_iterator<char>(stream)), {});
@@ -303,10 +302,10 @@ TEST(CanServer, PythonCanSeesAndSendsFrames) {
   std::string error;
   ASSERT_EQ(ours.open(running.url("robot1"), 2000, error), Status::kOk) << error;
   const std::string script = std::string(IVFM_SOURCE_DIR) + "/host/canbus/python_can_peer.py";
-  FILE* peer = popen(("/usr/bin/python3 " + script + " " +
-                      std::to_string(running.server().port()) + " robot1")
-                         .c_str(),
-                     "r");
+  FILE* peer = popen(
+      ("/usr/bin/python3 " + script + " " + std::to_string(running.server().port()) + " robot1")
+          .c_str(),
+      "r");
   ASSERT_NE(peer, nullptr);
   const auto hello = receive_within(ours, 20s);
   EXPECT_TRUE(hello.ok());

@@ -19,8 +19,7 @@ constexpr bool is_known(MessageKind kind) {
     case MessageKind::kFound:
     case MessageKind::kServerMapUpdate:
     case MessageKind::kServerAcknowledgement:
-    case MessageKind::kCommand:
-      return true;
+    case MessageKind::kCommand: return true;
   }
   return false;
 }

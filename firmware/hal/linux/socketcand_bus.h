@@ -40,7 +40,14 @@ class SocketcandBus final : public CanBus {
   std::uint32_t ignored() const { return ignored_ + tokenizer_.oversized(); }
 
  private:
-  enum class State : std::uint8_t { kDisconnected, kConnecting, kGreeting, kOpening, kSwitching, kRaw };
+  enum class State : std::uint8_t {
+    kDisconnected,
+    kConnecting,
+    kGreeting,
+    kOpening,
+    kSwitching,
+    kRaw
+  };
 
   void service();
   void connect_now();

@@ -74,9 +74,8 @@ bool parse_data(std::string_view text, SocketcandFrame& frame) {
 }
 
 std::size_t put_id(const SocketcandFrame& frame, std::span<char> text) {
-  return static_cast<std::size_t>(
-      std::snprintf(text.data(), text.size(), frame.extended ? "%08X" : "%03X",
-                    static_cast<unsigned>(frame.id)));
+  return static_cast<std::size_t>(std::snprintf(
+      text.data(), text.size(), frame.extended ? "%08X" : "%03X", static_cast<unsigned>(frame.id)));
 }
 
 std::size_t put_text(const char* what, std::span<char> text) {
@@ -174,10 +173,10 @@ std::size_t format_socketcand_frame(const SocketcandFrame& frame, std::uint64_t 
                                     std::span<char> text) {
   std::size_t at = put_text(frame.remote ? "< rtr " : "< frame ", text);
   at += put_id(frame, text.subspan(at));
-  at += static_cast<std::size_t>(std::snprintf(
-      text.data() + at, text.size() - at, " %llu.%06llu ",
-      static_cast<unsigned long long>(time_us / 1'000'000),
-      static_cast<unsigned long long>(time_us % 1'000'000)));
+  at +=
+      static_cast<std::size_t>(std::snprintf(text.data() + at, text.size() - at, " %llu.%06llu ",
+                                             static_cast<unsigned long long>(time_us / 1'000'000),
+                                             static_cast<unsigned long long>(time_us % 1'000'000)));
   if (frame.remote) {
     at += static_cast<std::size_t>(
         std::snprintf(text.data() + at, text.size() - at, "%u", unsigned{frame.size}));

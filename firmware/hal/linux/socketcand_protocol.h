@@ -23,8 +23,8 @@ struct SocketcandFrame {
 // Longest message of the raw mode either way, with room to spare.
 inline constexpr std::size_t kMaxSocketcandMessage = 256;
 
-// Cuts a byte stream into `< ... >` messages. What stands outside the brackets is skipped; a message
-// longer than kMaxSocketcandMessage is skipped as a whole and counted.
+// Cuts a byte stream into `< ... >` messages. What stands outside the brackets is skipped; a
+// message longer than kMaxSocketcandMessage is skipped as a whole and counted.
 class SocketcandTokenizer {
  public:
   // Where received bytes go; never empty after a next() that found nothing.

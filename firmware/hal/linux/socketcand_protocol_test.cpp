@@ -90,9 +90,9 @@ TEST(SocketcandProtocol, RefusesMalformedMessages) {
         "rtr 123 1.0", "rtr 123 1.0 9", "rtr 123 1.0 4 4", "frame 123456789 1.0 11"}) {
     EXPECT_EQ(parse_socketcand_frame(text).status(), Status::kCorrupt) << text;
   }
-  for (const char* text : {"send", "send 123", "send 123 9 1 2 3 4 5 6 7 8 9", "send 123 2 1",
-                           "send 123 1 1 2", "send 123 1 GG", "send 123 1 111", "send -1 0",
-                           "sendrtr 123 9", "send FFF 0"}) {
+  for (const char* text :
+       {"send", "send 123", "send 123 9 1 2 3 4 5 6 7 8 9", "send 123 2 1", "send 123 1 1 2",
+        "send 123 1 GG", "send 123 1 111", "send -1 0", "sendrtr 123 9", "send FFF 0"}) {
     EXPECT_EQ(parse_socketcand_send(text).status(), Status::kCorrupt) << text;
   }
   EXPECT_EQ(parse_socketcand_send("frame 123 1.0 11").status(), Status::kUnsupported);
@@ -104,12 +104,12 @@ TEST(SocketcandProtocol, FormatsWhatTheDocumentShows) {
   const auto made = [&](std::size_t size) { return std::string(text.data(), size); };
   const SocketcandFrame frame{.id = 0x123, .size = 2, .data = {0x01, 0xf1}};
   EXPECT_EQ(made(format_socketcand_send(frame, text)), "< send 123 2 01 F1 >");
-  EXPECT_EQ(made(format_socketcand_frame(frame, 23'424'242, text)),
-            "< frame 123 23.424242 01F1 >");
+  EXPECT_EQ(made(format_socketcand_frame(frame, 23'424'242, text)), "< frame 123 23.424242 01F1 >");
   const SocketcandFrame remote{.id = 0x1aaaaaaa, .extended = true, .remote = true, .size = 2};
   EXPECT_EQ(made(format_socketcand_send(remote, text)), "< sendrtr 1AAAAAAA 2 >");
   EXPECT_EQ(made(format_socketcand_frame(remote, 1, text)), "< rtr 1AAAAAAA 0.000001 2 >");
-  EXPECT_EQ(made(format_socketcand_frame({.id = 0x80}, 1'000'000, text)), "< frame 080 1.000000  >");
+  EXPECT_EQ(made(format_socketcand_frame({.id = 0x80}, 1'000'000, text)),
+            "< frame 080 1.000000  >");
 }
 
 TEST(CanUrl, NamesAnInterfaceOrAServersBus) {
