@@ -114,6 +114,10 @@ class Explorer {
   Decision select_global_goal(const Pose& pose);
   // Back to where start() was, or kExplored when it is there or cannot get there. Plans the path.
   Decision select_return(const Pose& pose);
+  // Computes the shortest path map of everything that is known: for planners that weigh goals.
+  void compute_paths(const Pose& pose) {
+    paths_.compute(map_, robot_cell(pose), explored_region(pose));
+  }
   // Any map cell as a goal; computes the shortest path map of the whole map. kUnavailable as above.
   Status select_cell(const Pose& pose, Cell goal, Decision& out);
   // Whether the last decision still makes sense: its way is not blocked by what has been seen

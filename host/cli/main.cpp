@@ -6,6 +6,7 @@
 #include "host/canbus/canbus_command.h"
 #include "host/cli/commands.h"
 #include "host/demo/demo_command.h"
+#include "host/evaluation/eval_command.h"
 #include "host/map_server/serve_command.h"
 #include "host/simulator/replay_command.h"
 #include "host/simulator/sim_command.h"
@@ -20,6 +21,7 @@ int run(int argc, char** argv) {
   // One line a subcommand, in the order of `ivfm --help`.
   ivfm::host::add_demo_command(app, action);
   ivfm::host::add_sim_command(app, action);
+  ivfm::host::add_eval_command(app, action);
   ivfm::host::add_canbus_command(app, action);
   ivfm::host::add_replay_command(app, action);
   ivfm::host::add_serve_command(app, action);

@@ -90,7 +90,6 @@ EnvironmentConfig EnvironmentConfig::arena() {
   c.view_every_steps = 60;
   c.front_um = arena::kRobotRadiusUm;
   c.count_last_view = false;
-  c.count_first_view = false;
   return c;
 }
 

@@ -1,0 +1,146 @@
+#include "host/evaluation/eval_command.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "host/evaluation/evaluator.h"
+#include "host/evaluation/policies/exploration_policy.h"
+#include "host/evaluation/report.h"
+#include "host/simulator/world_catalog.h"
+
+namespace ivfm::host {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct EvalOptions {
+  WorldOptions world;
+  EvaluationRequest request;
+  std::string start;
+  std::string episodes_out;
+  bool json = false;
+  bool no_timing = false;
+};
+
+// The shipped model of `policy`, looked for upwards from the program and the working folder.
+fs::path shipped_model(const std::string& policy) {
+  const fs::path name = policy == "qnet" ? "models/demo.ivfm" : "models/demo.fnet";
+  std::error_code ignored;
+  for (fs::path from : {fs::current_path(ignored), fs::read_symlink("/proc/self/exe", ignored)}) {
+    for (; !from.empty(); from = from.parent_path()) {
+      if (fs::exists(from / name)) return from / name;
+      if (from == from.root_path()) break;
+    }
+  }
+  throw std::runtime_error("there is no " + name.string() + ": give --model FILE");
+}
+
+// A line on a terminal's stderr that shows how far the evaluation is.
+class ProgressLine {
+ public:
+  explicit ProgressLine(int total) : total_(total), shown_(isatty(STDERR_FILENO) == 1) {}
+  ~ProgressLine() {
+    if (drawn_) std::fputs("\r\033[K", stderr);
+  }
+  void operator()(int finished) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!shown_ || now - last_ < std::chrono::milliseconds(200)) return;
+    last_ = now;
+    drawn_ = true;
+    const int filled = 40 * finished / total_;
+    std::fprintf(stderr, "\r[%-40s] %d of %d episodes ", std::string(filled, '#').c_str(), finished,
+                 total_);
+    std::fflush(stderr);
+  }
+
+ private:
+  int total_;
+  bool shown_, drawn_ = false;
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+int run_eval(EvalOptions& options) {
+  EvaluationRequest& request = options.request;
+  if (!options.start.empty()) options.world.start = parse_pose(options.start);
+  request.world = make_world(options.world);
+  const bool needs_model = request.policy == "qnet" || request.policy == "qnet-float";
+  if (needs_model && request.model.empty()) request.model = shipped_model(request.policy);
+  make_policy(request.policy, request.world.config, request.model);  // complains early
+  std::ofstream csv;
+  if (!options.episodes_out.empty()) {
+    csv.open(options.episodes_out);
+    if (!csv) throw std::runtime_error("cannot write " + options.episodes_out);
+  }
+  EvaluationResult result;
+  {
+    ProgressLine progress(request.episodes);
+    result = evaluate(request, [&](int finished) { progress(finished); });
+  }
+  std::cout << (options.json ? to_json(request, result, !options.no_timing)
+                             : to_text(request, result));
+  if (csv.is_open() && !(csv << to_csv(request, result)).flush()) {
+    throw std::runtime_error("cannot write " + options.episodes_out);
+  }
+  return 0;
+}
+
+std::string policy_list() {
+  std::string list = "who decides:";
+  for (const std::string& name : policy_names()) list += " " + name;
+  return list;
+}
+
+}  // namespace
+
+void add_eval_command(CLI::App& app, CommandAction& action) {
+  auto options = std::make_shared<EvalOptions>();
+  EvaluationRequest& request = options->request;
+  WorldOptions& world = options->world;
+  request.threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 64u));
+  CLI::App* command = app.add_subcommand("eval", "Judge a policy in a world, in process");
+  command
+      ->add_option("--world", world.name,
+                   "1x, 2x, divider, divider-released, corridor, building, or a map file")
+      ->capture_default_str();
+  command->add_option("--policy", request.policy, policy_list())->capture_default_str();
+  command->add_option("--model", request.model, "network of qnet (.ivfm) or qnet-float (.fnet)");
+  command->add_option("--state", request.state, "ivfm (2 channels) or vfm (4), for the bandwidth")
+      ->check(CLI::IsMember({"ivfm", "vfm"}))
+      ->capture_default_str();
+  command->add_option("--agents", request.agents, "how many robots")
+      ->check(CLI::Range(1, 32))
+      ->capture_default_str();
+  command->add_option("--episodes", request.episodes, "how many")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  command->add_option("--seed", request.seed, "of everything random")->capture_default_str();
+  command->add_option("--threads", request.threads, "the result does not depend on it")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  command->add_option("--resolution", world.resolution_m, "metres a cell, for a bare image");
+  command->add_option("--until", world.until, "share of the area to explore, for maps [0.99]");
+  command->add_option("--sensor-range", world.sensor_range_m, "metres, for maps [3]");
+  command->add_option("--fov", world.fov_deg, "the lidar's field of view in degrees [360]");
+  command->add_option("--start", options->start, "x,y,heading (m, m, degrees) of the first robot");
+  command->add_flag("--walls-known", world.walls_known, "arenas: the border is known at the start");
+  command->add_flag("--count-last-view", world.count_last_view,
+                    "arenas: an action's last view counts as a visit too");
+  command->add_option("--episodes-out", options->episodes_out, "CSV file, a row an episode");
+  command->add_flag("--json", options->json, "one JSON object");
+  command->add_flag("--no-timing", options->no_timing, "decisions_per_s is null in the JSON");
+  command->footer("Example: ivfm eval --world 1x --policy frontier-nearest --episodes 50 --json");
+  command->callback([options, &action] { action = [options] { return run_eval(*options); }; });
+}
+
+}  // namespace ivfm::host

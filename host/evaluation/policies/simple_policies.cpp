@@ -1,0 +1,100 @@
+#include "host/evaluation/policies/simple_policies.h"
+
+#include <algorithm>
+#include <limits>
+#include <optional>
+
+#include "firmware/planning/frontier.h"
+
+namespace ivfm::host {
+
+namespace {
+
+constexpr std::size_t kLeastFrontier = 3;  // cells; smaller ones are slivers
+
+// The connected frontiers (eight neighbours) of what the robot knows.
+std::vector<std::vector<Cell>> connected_frontiers(const ExplorationMap& map,
+                                                   const CellRect& rect) {
+  const GridFrame grid(1, rect);
+  std::vector<std::uint8_t> is_open(grid.size(), 0);
+  for (std::size_t i = 0; i < grid.size(); ++i)
+    is_open[i] = is_frontier(map, grid.cell_of_index(i));
+  std::vector<std::vector<Cell>> frontiers;
+  for (std::size_t i = 0; i < grid.size(); ++i) {
+    if (is_open[i] == 0) continue;
+    std::vector<Cell> members{grid.cell_of_index(i)};
+    is_open[i] = 0;
+    for (std::size_t next = 0; next < members.size(); ++next) {
+      for (int k = 0; k < 9; ++k) {
+        const Cell n{members[next].x + k % 3 - 1, members[next].y + k / 3 - 1};
+        if (!grid.contains(n) || is_open[grid.index_of(n)] == 0) continue;
+        is_open[grid.index_of(n)] = 0;
+        members.push_back(n);
+      }
+    }
+    if (members.size() >= kLeastFrontier) frontiers.push_back(std::move(members));
+  }
+  return frontiers;
+}
+
+}  // namespace
+
+StepResult RandomPolicy::act(ExplorationEnvironment& env, int agent) {
+  env.observe(agent);
+  std::vector<int> goals;
+  for (int i = 0; i < kPolicyGridSize; ++i) {
+    if (env.goal_mask(agent)[static_cast<std::size_t>(i)]) goals.push_back(i);
+  }
+  if (goals.empty()) return env.step_global(agent);
+  return env.step(agent, goals[random_.below(static_cast<std::uint32_t>(goals.size()))]);
+}
+
+StepResult NearestFrontierPolicy::act(ExplorationEnvironment& env, int agent) {
+  return env.step_global(agent);
+}
+
+Cell median_cell(std::vector<Cell> cells) {
+  const auto middle = cells.begin() + static_cast<std::ptrdiff_t>(cells.size() / 2);
+  std::nth_element(cells.begin(), middle, cells.end(),
+                   [](const Cell& a, const Cell& b) { return a.x < b.x; });
+  const std::int32_t x = middle->x;
+  std::nth_element(cells.begin(), middle, cells.end(),
+                   [](const Cell& a, const Cell& b) { return a.y < b.y; });
+  const std::int32_t y = middle->y;
+  const auto rank = [&](const Cell& c) {
+    const std::int64_t dx = c.x - x, dy = c.y - y;
+    return std::array<std::int64_t, 3>{dx * dx + dy * dy, c.y, c.x};
+  };
+  return *std::min_element(cells.begin(), cells.end(),
+                           [&](const Cell& a, const Cell& b) { return rank(a) < rank(b); });
+}
+
+void MedianFrontierPolicy::start_episode(std::uint64_t seed) {
+  (void)seed;
+  last_goals_.clear();
+}
+
+StepResult MedianFrontierPolicy::act(ExplorationEnvironment& env, int agent) {
+  Explorer& explorer = env.explorer(agent);
+  const ExplorationMap& map = explorer.map();
+  last_goals_.resize(static_cast<std::size_t>(env.agents()),
+                     Cell{std::numeric_limits<std::int32_t>::max(), 0});
+  Cell& last = last_goals_[static_cast<std::size_t>(agent)];
+  const CellRect known = map.known_rect().grown(1).intersection(map.frame().window());
+  explorer.compute_paths(env.pose(agent));
+  std::optional<Cell> best;
+  std::uint16_t best_cost = path::kUnreachable;
+  for (const auto& frontier : connected_frontiers(map, known)) {
+    const Cell median = median_cell(frontier);
+    const auto goal = nearest_frontier(map, explorer.paths(), {median.x, median.y, 1, 1},
+                                       explorer.stand_off_cells(), 1);
+    if (!goal || goal->path_cost >= best_cost || goal->stand == last) continue;
+    best = goal->stand;
+    best_cost = goal->path_cost;
+  }
+  if (!best) return env.step_global(agent);  // no median can be reached
+  last = *best;
+  return env.step_to(agent, *best);
+}
+
+}  // namespace ivfm::host
