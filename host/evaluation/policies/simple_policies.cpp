@@ -1,7 +1,6 @@
 #include "host/evaluation/policies/simple_policies.h"
 
 #include <algorithm>
-#include <limits>
 #include <optional>
 
 #include "firmware/planning/frontier.h"
@@ -37,6 +36,14 @@ std::vector<std::vector<Cell>> connected_frontiers(const ExplorationMap& map,
   return frontiers;
 }
 
+// The cost of the shortest move worth making. With the arena's camera a move takes its first view
+// after 60 mm and ends with the robot's front at the goal: shorter moves show nothing.
+std::uint16_t least_move_cost(const EnvironmentConfig& config) {
+  if (config.sensor == SensorModel::kLidar) return 0;
+  const std::int32_t least_um = config.front_um + config.view_every_steps * 1'000 + config.cell_um;
+  return static_cast<std::uint16_t>(least_um * path::kStraight / config.cell_um);
+}
+
 }  // namespace
 
 StepResult RandomPolicy::act(ExplorationEnvironment& env, int agent) {
@@ -50,7 +57,23 @@ StepResult RandomPolicy::act(ExplorationEnvironment& env, int agent) {
 }
 
 StepResult NearestFrontierPolicy::act(ExplorationEnvironment& env, int agent) {
-  return env.step_global(agent);
+  const std::uint16_t least = least_move_cost(env.config());
+  if (least == 0) return env.step_global(agent);
+  Explorer& explorer = env.explorer(agent);
+  explorer.compute_paths(env.pose(agent));
+  const ExplorationMap& map = explorer.map();
+  std::optional<Cell> best;
+  std::uint16_t best_cost = path::kUnreachable;
+  const CellRect rect = map.known_rect().grown(1).intersection(explorer.paths().region());
+  for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+    for (std::int32_t x = rect.x; x < rect.right(); ++x) {
+      const std::uint16_t cost = explorer.paths().cost_at(map, {x, y});
+      if (cost < least || cost >= best_cost || !is_frontier(map, {x, y})) continue;
+      best = Cell{x, y};
+      best_cost = cost;
+    }
+  }
+  return best ? env.step_to(agent, *best) : env.step_global(agent);
 }
 
 Cell median_cell(std::vector<Cell> cells) {
@@ -71,15 +94,14 @@ Cell median_cell(std::vector<Cell> cells) {
 
 void MedianFrontierPolicy::start_episode(std::uint64_t seed) {
   (void)seed;
-  last_goals_.clear();
+  tried_.clear();
 }
 
 StepResult MedianFrontierPolicy::act(ExplorationEnvironment& env, int agent) {
   Explorer& explorer = env.explorer(agent);
   const ExplorationMap& map = explorer.map();
-  last_goals_.resize(static_cast<std::size_t>(env.agents()),
-                     Cell{std::numeric_limits<std::int32_t>::max(), 0});
-  Cell& last = last_goals_[static_cast<std::size_t>(agent)];
+  tried_.resize(static_cast<std::size_t>(env.agents()));
+  std::vector<Cell>& tried = tried_[static_cast<std::size_t>(agent)];
   const CellRect known = map.known_rect().grown(1).intersection(map.frame().window());
   explorer.compute_paths(env.pose(agent));
   std::optional<Cell> best;
@@ -88,12 +110,14 @@ StepResult MedianFrontierPolicy::act(ExplorationEnvironment& env, int agent) {
     const Cell median = median_cell(frontier);
     const auto goal = nearest_frontier(map, explorer.paths(), {median.x, median.y, 1, 1},
                                        explorer.stand_off_cells(), 1);
-    if (!goal || goal->path_cost >= best_cost || goal->stand == last) continue;
+    if (!goal || goal->path_cost >= best_cost) continue;
+    if (std::ranges::find(tried, goal->stand) != tried.end()) continue;
+    if (goal->path_cost < least_move_cost(env.config())) continue;
     best = goal->stand;
     best_cost = goal->path_cost;
   }
-  if (!best) return env.step_global(agent);  // no median can be reached
-  last = *best;
+  if (!best) return nearest_.act(env, agent);  // no median can be reached
+  tried.push_back(*best);
   return env.step_to(agent, *best);
 }
 

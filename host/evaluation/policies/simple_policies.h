@@ -18,7 +18,7 @@ class RandomPolicy final : public ExplorationPolicy {
   Random random_{0};
 };
 
-// The nearest reachable frontier of the whole map (Yamauchi 1997).
+// The nearest reachable frontier of the whole map (Yamauchi 1997) that is far enough for a view.
 class NearestFrontierPolicy final : public ExplorationPolicy {
  public:
   StepResult act(ExplorationEnvironment& env, int agent) override;
@@ -32,7 +32,8 @@ class MedianFrontierPolicy final : public ExplorationPolicy {
   StepResult act(ExplorationEnvironment& env, int agent) override;
 
  private:
-  std::vector<Cell> last_goals_;  // by agent; a goal that led nowhere is not tried twice in a row
+  NearestFrontierPolicy nearest_;
+  std::vector<std::vector<Cell>> tried_;  // by agent; no goal is tried twice in an episode
 };
 
 // The median of a set of cells, as one of them: the cell nearest to (median x, median y).

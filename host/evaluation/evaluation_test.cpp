@@ -1,0 +1,115 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "host/evaluation/evaluator.h"
+#include "host/evaluation/policies/exploration_policy.h"
+#include "host/evaluation/policies/simple_policies.h"
+#include "host/evaluation/report.h"
+
+namespace ivfm::host {
+namespace {
+
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+WorldOptions named(const std::string& name) {
+  WorldOptions options;
+  options.name = name;
+  return options;
+}
+
+EvaluationRequest request_for(const std::string& world, const std::string& policy, int episodes) {
+  EvaluationRequest request;
+  request.world = make_world(named(world));
+  request.policy = policy;
+  request.episodes = episodes;
+  return request;
+}
+
+TEST(EpisodeMetrics, MeanAndSpreadAreThePopulations) {
+  const std::array<double, 4> values = {1, 3, 5, 7};
+  const MeanStd result = mean_std(values);
+  EXPECT_DOUBLE_EQ(result.mean, 4);
+  EXPECT_DOUBLE_EQ(result.std, std::sqrt(5.0));  // (9 + 1 + 1 + 9) / 4
+  EXPECT_EQ(mean_std({}).count, 0u);
+}
+
+TEST(EpisodeMetrics, LeaveEpisodesOutThatDidNotFindTheTarget) {
+  std::array<EpisodeMetrics, 3> episodes{};
+  episodes[0].found = episodes[1].found = true;
+  episodes[0].steps = 10;
+  episodes[1].steps = 20;
+  episodes[2].steps = 800;
+  for (const NamedMetric& metric : metrics()) {
+    if (std::string(metric.name) != "steps") continue;
+    EXPECT_DOUBLE_EQ(summarized(metric, episodes).mean, 15);
+    EXPECT_EQ(summarized(metric, episodes).count, 2u);
+  }
+}
+
+TEST(EpisodeMetrics, TheLocalMapIsOneMetreWideInThePapersArena) {
+  EXPECT_DOUBLE_EQ(local_map_width_m(EnvironmentConfig::arena()), 1.0);
+}
+
+TEST(Evaluator, GivesTheSameBytesWhateverTheThreads) {
+  EvaluationRequest request = request_for("1x", "random", 6);
+  const EvaluationResult one = evaluate(request);
+  request.threads = 3;
+  const EvaluationResult three = evaluate(request);
+  EXPECT_EQ(to_json(request, one, false), to_json(request, three, false));
+  EXPECT_EQ(to_csv(request, one), to_csv(request, three));
+  request.seed = 2;
+  EXPECT_NE(to_csv(request, evaluate(request)), to_csv(request, three));
+}
+
+TEST(Evaluator, ReportsEveryFieldOfTheInterface) {
+  const EvaluationRequest request = request_for("divider", "random", 2);
+  const auto json = nlohmann::json::parse(to_json(request, evaluate(request), true));
+  for (const char* key :
+       {"world", "policy", "state", "agents", "episodes", "seed", "not_found", "decisions_per_s",
+        "rer", "pe", "steps", "overlap", "coverage", "distance_m", "bandwidth_paper_mib",
+        "wire_bytes", "sim_time_s", "collisions"}) {
+    EXPECT_TRUE(json.contains(key)) << key;
+  }
+  EXPECT_TRUE(json["steps"].contains("mean") && json["steps"].contains("std"));
+}
+
+class EveryBaseline : public testing::TestWithParam<const char*> {};
+
+TEST_P(EveryBaseline, FindsTheTargetOfAnArena) {
+  const EvaluationRequest request = request_for("1x", GetParam(), 3);
+  const EvaluationResult result = evaluate(request);
+  for (const EpisodeMetrics& episode : result.episodes) EXPECT_TRUE(episode.found);
+}
+
+INSTANTIATE_TEST_SUITE_P(Baselines, EveryBaseline,
+                         testing::Values("frontier-nearest", "frontier-median", "information-gain",
+                                         "greedy-lookahead"));
+
+TEST(Policies, AnUnknownNameListsTheKnownOnes) {
+  EXPECT_THAT([] { make_policy("best", EnvironmentConfig::arena(), {}); },
+              ThrowsMessage<std::invalid_argument>(HasSubstr("frontier-nearest")));
+  EXPECT_THAT([] { make_policy("qnet", EnvironmentConfig::arena(), "/no/such.ivfm"); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("/no/such.ivfm")));
+}
+
+TEST(Worlds, AnUnknownNameListsTheKnownOnes) {
+  EXPECT_THAT([] { make_world(named("4x")); },
+              ThrowsMessage<std::invalid_argument>(HasSubstr("divider-released")));
+  WorldOptions options = named("1x");
+  options.until = 0.9;
+  EXPECT_THROW(make_world(options), std::invalid_argument);
+}
+
+TEST(MedianFrontier, TakesTheMemberNearestToTheMedians) {
+  // Medians x = 2, y = 0; the cell (2, 0) is a member.
+  EXPECT_EQ(median_cell({{0, 0}, {1, 0}, {2, 0}, {3, 0}, {3, 1}}), (Cell{2, 0}));
+}
+
+}  // namespace
+}  // namespace ivfm::host
