@@ -63,6 +63,12 @@ void Explorer::observe(const Pose& pose) {
 }
 
 bool Explorer::local_map_is_worth_visiting() const {
+  // Nobody has seen the very place where the robot stands (the first action of a robot whose
+  // first view does not count): all around it is new.
+  constexpr int kMiddle = kPolicyCells / 2;
+  const Cell robot{state_.grid.origin.x + kMiddle * state_.grid.pool,
+                   state_.grid.origin.y + kMiddle * state_.grid.pool};
+  if (!map_.is_seen(robot)) return true;
   return has_reachable_frontier(map_, paths_, state_.grid.window(), stand_off_cells(),
                                 config_.min_local_frontier);
 }
