@@ -29,7 +29,6 @@ demo: build ## Two robots explore a real building's corridor, all in software
 .PHONY: test
 test: build cross-replay ## Build everything, replay a recorded drive on two robots, run every test
 	@ctest --preset host -j $(JOBS) $(ARGS)
-	@tests/replay/compare_targets.sh
 
 .PHONY: bench
 bench: build ## Measure the parts of a decision against MRPT, and decisions a second
@@ -60,7 +59,7 @@ cross-replay: deps
 
 .PHONY: train
 train: build ## Train a policy and quantize it (hours; ARGS="--help" lists the options)
-	@$(HOST)/host/trainer/ivfm-train $(ARGS)
+	@$(HOST)/host/trainer/ivfm-train --config host/trainer/recipes/default.toml --out out/train $(ARGS)
 
 .PHONY: format
 format: deps ## Format every C++ source

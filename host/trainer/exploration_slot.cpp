@@ -1,0 +1,123 @@
+#include "host/trainer/exploration_slot.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "host/environment/arena_worlds.h"
+#include "host/environment/building_worlds.h"
+
+namespace ivfm::host {
+namespace {
+
+// Seeds of training worlds; evaluation uses others (docs/training.md).
+constexpr std::uint64_t kTrainingSeeds = 900'000;
+constexpr double kDiscountCells = 8;  // learning.distance_discount counts for so many policy cells
+
+double policy_cell_m(const ExplorationEnvironment& environment) {
+  return environment.config().cell_um * 1e-6 * environment.config().explorer.pool;
+}
+
+// Answers the one goal that the trainer chose as the best.
+class ChosenGoal final : public QFunction {
+ public:
+  explicit ChosenGoal(int policy_cell) : policy_cell_(policy_cell) {}
+  Status evaluate(const LocalState&, std::span<std::int32_t> q_values) override {
+    std::fill(q_values.begin(), q_values.end(), 0);
+    if (policy_cell_ >= 0) q_values[static_cast<std::size_t>(policy_cell_)] = 1;
+    return Status::kOk;
+  }
+
+ private:
+  int policy_cell_;
+};
+
+// Draws an index with the given weights.
+template <std::size_t N>
+std::size_t draw(const std::array<double, N>& weights, ResumableRandom& random) {
+  double sum = 0;
+  for (const double w : weights) sum += w;
+  double rest = random.uniform() * sum;
+  for (std::size_t i = 0; i < N; ++i) {
+    rest -= weights[i];
+    if (rest < 0) return i;
+  }
+  return 0;
+}
+
+double between(double low, double high, ResumableRandom& random) {
+  return low + (high - low) * random.uniform();
+}
+
+}  // namespace
+
+Observation observation_of(const ExplorationEnvironment& environment, int agent) {
+  static_assert(kActions == kPolicyGridSize);
+  Observation out;
+  out.state = environment.state(agent).channels;
+  const Explorer::Mask& mask = environment.goal_mask(agent);
+  for (int i = 0; i < kActions; ++i)
+    if (mask[static_cast<std::size_t>(i)] != 0) out.reachable.set(i);
+  return out;
+}
+
+Earning earning_of(const StepResult& result, const ExplorationEnvironment& environment,
+                   const TrainerConfig& config) {
+  const RewardConfig& r = config.reward;
+  const double pool = environment.config().explorer.pool;
+  const double newly_seen = result.newly_seen_cells / (pool * pool);
+  const double penalty = result.re_seen_penalty_cells / (pool * pool);
+  const double driven_cells = result.distance_m / policy_cell_m(environment);
+  Earning out;
+  out.reward = (newly_seen - r.re_seen * penalty) / r.unit_cells - r.per_action -
+               r.per_cell * driven_cells - (result.collided ? r.collision : 0) -
+               (result.idle ? r.idle : 0);
+  out.discount =
+      config.action_discount * std::pow(config.distance_discount, driven_cells / kDiscountCells);
+  return out;
+}
+
+StepResult step_as_explorer(ExplorationEnvironment& environment, int agent, int policy_cell,
+                            bool& is_local) {
+  ChosenGoal goal(policy_cell);
+  const Decision decision = environment.explorer(agent).decide(environment.pose(agent), goal);
+  is_local = decision.kind == Decision::Kind::kLocalGoal;
+  return environment.step_decision(agent, decision);
+}
+
+void ExplorationSlot::begin(ResumableRandom& random) {
+  const WorldMix& mix = config_.worlds;
+  const auto agents =
+      static_cast<int>(1 + random.below(static_cast<std::uint64_t>(mix.max_agents)));
+  cut_off_coverage_ = between(0.3, 1.1, random);
+  const std::array<double, 5> shares = {mix.arena_1x, mix.arena_2x, mix.divider,
+                                        mix.divider_released, mix.building};
+  const std::size_t drawn = draw(shares, random);
+  if (drawn == 4) return begin_building(agents, random);
+  if (!is_arena_) {
+    EnvironmentConfig arena = EnvironmentConfig::arena();
+    arena.max_actions_per_agent = 150;
+    environment_ = std::make_unique<ExplorationEnvironment>(arena);
+    is_arena_ = true;
+  }
+  const ArenaKind kinds[] = {ArenaKind::k1x, ArenaKind::k2x, ArenaKind::kDivider,
+                             ArenaKind::kDividerReleased};
+  Scenario scenario = random_arena(kinds[drawn], agents, random.below(kTrainingSeeds));
+  scenario.target.reset();
+  environment_->reset(scenario);
+}
+
+void ExplorationSlot::begin_building(int agents, ResumableRandom& random) {
+  const WorldMix& mix = config_.worlds;
+  const double range_m = between(mix.building_min_range_m, mix.building_max_range_m, random);
+  EnvironmentConfig config = EnvironmentConfig::building(static_cast<std::int32_t>(range_m * 1e6));
+  config.max_actions_per_agent = 200;
+  environment_ = std::make_unique<ExplorationEnvironment>(config);
+  is_arena_ = false;
+  BuildingConfig building;
+  building.min_side_um = static_cast<std::int32_t>(mix.building_min_side_m * 1e6);
+  building.max_side_um = static_cast<std::int32_t>(mix.building_max_side_m * 1e6);
+  environment_->reset(random_building(building, agents, random.below(kTrainingSeeds)));
+}
+
+}  // namespace ivfm::host

@@ -1,0 +1,54 @@
+// One stream of random training episodes: worlds drawn from the mix, one robot's action at a time.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "host/environment/exploration_environment.h"
+#include "host/trainer/observation.h"
+#include "host/trainer/resumable_random.h"
+#include "host/trainer/trainer_config.h"
+
+namespace ivfm::host {
+
+// What the trainer keeps of a state.
+Observation observation_of(const ExplorationEnvironment& environment, int agent);
+
+// The reward of an action in units of RewardConfig, and the discount of what follows.
+struct Earning {
+  double reward = 0;
+  double discount = 1;
+};
+Earning earning_of(const StepResult& result, const ExplorationEnvironment& environment,
+                   const TrainerConfig& config);
+
+// Lets the firmware's explorer decide with `policy_cell` as its network's best goal: the explorer
+// may still prefer a goal of the whole map. Then drives there. `is_local` answers which it was.
+StepResult step_as_explorer(ExplorationEnvironment& environment, int agent, int policy_cell,
+                            bool& is_local);
+
+class ExplorationSlot {
+ public:
+  explicit ExplorationSlot(const TrainerConfig& config) : config_(config) {}
+
+  // Starts a new episode in a random world.
+  void begin(ResumableRandom& random);
+
+  ExplorationEnvironment& environment() { return *environment_; }
+  // The episode ended, or is to be cut off here, so that states of every coverage are met equally.
+  bool is_over() const {
+    return environment_->is_done() || environment_->totals().coverage() >= cut_off_coverage_;
+  }
+  // Nothing worthwhile is left: what follows has no value.
+  bool is_explored() const { return environment_->totals().coverage() >= 0.97; }
+
+ private:
+  void begin_building(int agents, ResumableRandom& random);
+
+  const TrainerConfig& config_;
+  std::unique_ptr<ExplorationEnvironment> environment_;
+  bool is_arena_ = false;
+  double cut_off_coverage_ = 1;
+};
+
+}  // namespace ivfm::host

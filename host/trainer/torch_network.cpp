@@ -1,0 +1,96 @@
+#include "host/trainer/torch_network.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+namespace ivfm::host {
+namespace {
+
+bool is_convolution(const FloatLayer& layer) {
+  return layer.kind == LayerKind::kConv3x3 || layer.kind == LayerKind::kConv1x1;
+}
+
+void copy_weights(const std::vector<float>& from, torch::Tensor to) {
+  const torch::NoGradGuard no_gradient;
+  to.copy_(torch::from_blob(const_cast<float*>(from.data()), to.sizes(), torch::kFloat));
+}
+
+std::vector<float> values_of(const torch::Tensor& tensor) {
+  const torch::Tensor flat = tensor.detach().to(torch::kCPU, torch::kFloat).contiguous();
+  return {flat.data_ptr<float>(), flat.data_ptr<float>() + flat.numel()};
+}
+
+}  // namespace
+
+TorchNetwork::TorchNetwork(const FloatNetwork& network)
+    : network_(network), convolution_of_layer_(network.layers.size()) {
+  const std::vector<Shape> shapes = network.shapes();
+  for (std::size_t i = 0; i < network.layers.size(); ++i) {
+    const FloatLayer& layer = network.layers[i];
+    if (!is_convolution(layer)) continue;
+    const int side = layer.kind == LayerKind::kConv3x3 ? 3 : 1;
+    const int inputs = shapes[static_cast<std::size_t>(layer.input_a)].channels;
+    auto options = torch::nn::Conv2dOptions(inputs, layer.outputs, side);
+    torch::nn::Conv2d convolution(options.stride(layer.stride).padding(side / 2));
+    copy_weights(layer.weights, convolution->weight);
+    copy_weights(layer.bias, convolution->bias);
+    convolution_of_layer_[i] = convolutions_.size();
+    convolutions_.push_back(register_module("layer" + std::to_string(i), convolution));
+  }
+}
+
+torch::Tensor TorchNetwork::forward(const torch::Tensor& states) {
+  std::vector<torch::Tensor> tensors = {states};
+  for (std::size_t i = 0; i < network_.layers.size(); ++i) {
+    const FloatLayer& layer = network_.layers[i];
+    const torch::Tensor& a = tensors[static_cast<std::size_t>(layer.input_a)];
+    torch::Tensor out;
+    if (is_convolution(layer)) {
+      out = convolutions_[convolution_of_layer_[i]]->forward(a);
+    } else if (layer.kind == LayerKind::kUpsample2x) {
+      out = torch::upsample_nearest2d(a, c10::nullopt, std::vector<double>{2.0, 2.0});
+    } else {
+      out = a + tensors[static_cast<std::size_t>(layer.input_b)];
+    }
+    tensors.push_back(layer.relu ? torch::relu(out) : out);
+  }
+  return tensors.back().flatten(1);
+}
+
+torch::Tensor TorchNetwork::to_tensor(std::span<const State* const> states) const {
+  const std::size_t channels = network_.inputs.size();
+  if (channels * kActions > std::tuple_size_v<State>)
+    throw std::invalid_argument("the trainer's states have fewer channels than the network");
+  torch::Tensor out = torch::empty({static_cast<std::int64_t>(states.size()),
+                                    static_cast<std::int64_t>(channels), kGridSide, kGridSide});
+  float* value = out.data_ptr<float>();
+  for (const State* state : states)
+    for (std::size_t c = 0; c < channels; ++c) {
+      const InputChannel scaling = network_.inputs[c];
+      for (std::size_t i = 0; i < kActions; ++i) {
+        const float v = static_cast<float>((*state)[c * kActions + i]);
+        *value++ = std::clamp((v - scaling.offset) * scaling.scale, 0.0f, 1.0f);
+      }
+    }
+  return out;
+}
+
+FloatNetwork TorchNetwork::to_float_network() const {
+  FloatNetwork out = network_;
+  for (std::size_t i = 0; i < out.layers.size(); ++i) {
+    if (!is_convolution(out.layers[i])) continue;
+    const torch::nn::Conv2d& convolution = convolutions_[convolution_of_layer_[i]];
+    out.layers[i].weights = values_of(convolution->weight);
+    out.layers[i].bias = values_of(convolution->bias);
+  }
+  return out;
+}
+
+void TorchNetwork::follow(TorchNetwork& other, double share) {
+  const torch::NoGradGuard no_gradient;
+  const auto mine = parameters(), theirs = other.parameters();
+  for (std::size_t i = 0; i < mine.size(); ++i) mine[i].lerp_(theirs[i], share);
+}
+
+}  // namespace ivfm::host
