@@ -29,6 +29,7 @@ demo: build ## Two robots explore a real building's corridor, all in software
 .PHONY: test
 test: build cross-replay ## Build everything, replay a recorded drive on two robots, run every test
 	@ctest --preset host -j $(JOBS) $(ARGS)
+	@tests/replay/compare_targets.sh
 
 .PHONY: bench
 bench: build ## Measure the parts of a decision against MRPT, and decisions a second

@@ -4,5 +4,7 @@ set(CMAKE_SYSTEM_PROCESSOR cortex-m7)
 set(CMAKE_C_COMPILER arm-none-eabi-gcc)
 set(CMAKE_CXX_COMPILER arm-none-eabi-g++)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
-add_compile_options(-mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard
-                    -ffunction-sections -fdata-sections -Wno-psabi)
+set(IVFM_CPU_FLAGS -mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard)
+add_compile_options(${IVFM_CPU_FLAGS} -ffunction-sections -fdata-sections -Wno-psabi)
+# Images link with -nostdlib: memcpy and the like, and 64-bit divisions, but no start-up and no heap.
+set(CMAKE_CXX_STANDARD_LIBRARIES "-lc -lgcc")

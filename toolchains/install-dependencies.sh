@@ -21,9 +21,9 @@ packages=(
   # Robot builds and their emulators
   g++-aarch64-linux-gnu g++-arm-linux-gnueabihf
   gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
-  qemu-user-static
+  qemu-system-arm qemu-user-static
   # Format and lint
-  clang-format-14 clang-tidy-14
+  clang-14 clang-format-14 clang-tidy-14
 )
 
 say() { echo "install-dependencies: $*" >&2; }

@@ -77,7 +77,7 @@ void ExplorationMap::clear(Cell center) {
 bool ExplorationMap::roll_to(Cell robot) {
   const CellRect& w = frame_.window();
   const std::int32_t margin = w.width / 4;
-  const auto shift = [&](std::int32_t position, std::int32_t low) {
+  const auto shift = [&](std::int32_t position, std::int32_t low) -> std::int32_t {
     if (position < low + margin || position >= low + w.width - margin) {
       return position - w.width / 2 - low;
     }

@@ -126,6 +126,9 @@ class Explorer {
   // The last goal could not be reached (blocked, stuck): global goals near it are given up.
   void abandon_goal();
 
+  // What the policy answered last, in the order of the policy grid.
+  std::span<const std::int32_t> q_values() const { return q_values_; }
+
   // Waypoints of the last decision, in driving order.
   const WaypointPath& path() const { return path_; }
 

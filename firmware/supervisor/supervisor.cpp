@@ -110,7 +110,7 @@ Velocity Supervisor::limit_by_obstacles(const Velocity& setpoint, const Supervis
   const auto free_along = [&](const Velocity& motion, std::int32_t clearance_um) {
     const std::int32_t free_mm =
         free_travel_mm(obstacles, inputs.pose, motion, radius_mm, kHorizonMm);
-    return std::max(0, free_mm - (config_.side_tolerance_um + clearance_um) / 1000);
+    return std::max<std::int32_t>(0, free_mm - (config_.side_tolerance_um + clearance_um) / 1000);
   };
   const std::int32_t safe_measured =
       safe_speed_um_s(free_along(inputs.measured, config_.clearance_um / 2), config_.braking_um_s2);

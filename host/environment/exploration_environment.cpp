@@ -242,7 +242,16 @@ void ExplorationEnvironment::add_agent(std::size_t index, const Pose& start,
   agent.body = body_rect(start);
   agent.has_nothing_to_do = false;
   const Cell middle{extent_.x + extent_.width / 2, extent_.y + extent_.height / 2};
-  agent.explorer.get().start(start, fits ? extent_frame_.center_of(middle) : start.position);
+  const Point center = fits ? extent_frame_.center_of(middle) : start.position;
+  announce(agent, ExplorerCall::kStart, center);
+  agent.explorer.get().start(start, center);
+}
+
+void ExplorationEnvironment::announce(const Agent& agent, ExplorerCall call, Point center,
+                                      const Scan* scan, bool count_visits) const {
+  if (!observer_) return;
+  observer_(static_cast<int>(&agent - agents_.data()), call, agent.pose, center, scan,
+            count_visits);
 }
 
 void ExplorationEnvironment::find_explorable_cells() {
@@ -288,6 +297,7 @@ StepResult ExplorationEnvironment::step_decision(int agent, const Decision& deci
 StepResult ExplorationEnvironment::act(int agent) {
   Agent& a = agents_[static_cast<std::size_t>(agent)];
   StepResult result;
+  announce(a, ExplorerCall::kBeginAction);
   a.explorer.get().begin_action();
   drive(a, result);
   finish_action(agent, result);
@@ -296,7 +306,9 @@ StepResult ExplorationEnvironment::act(int agent) {
 
 StepResult ExplorationEnvironment::stay(int agent) {
   StepResult result;
-  agents_[static_cast<std::size_t>(agent)].explorer.get().begin_action();
+  Agent& a = agents_[static_cast<std::size_t>(agent)];
+  announce(a, ExplorerCall::kBeginAction);
+  a.explorer.get().begin_action();
   finish_action(agent, result);
   return result;
 }
@@ -310,7 +322,10 @@ void ExplorationEnvironment::finish_action(int agent, StepResult& result) {
   result.re_seen_penalty_cells = static_cast<double>(seen.re_seen_penalty_q12) / 4096.0;
   result.idle = result.distance_m * 1e6 < kIdleUm && result.turned_rad < kIdleRad;
   share(agent);
-  if (result.collided || (result.blocked && result.idle)) a.explorer.get().abandon_goal();
+  if (result.collided || (result.blocked && result.idle)) {
+    announce(a, ExplorerCall::kAbandonGoal);
+    a.explorer.get().abandon_goal();
+  }
   ++totals_.actions[index];
   totals_.distance_m[index] += result.distance_m;
   totals_.sim_steps += result.sim_steps;
@@ -455,6 +470,7 @@ void ExplorationEnvironment::take_view(Agent& agent, bool count_visits, StepResu
     scan_.push(point);
   }
   if (result.collided && config_.feels_contact) feel_contact(agent);
+  announce(agent, ExplorerCall::kFuse, {}, &scan_, count_visits);
   agent.explorer.get().fuse(agent.pose, scan_, count_visits);
   ++result.views;
   result.found = result.found || target_in_view(agent.pose);

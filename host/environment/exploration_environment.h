@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "firmware/agent/profile.h"
@@ -119,6 +121,13 @@ class HeapExplorer {
   std::unique_ptr<Storage> storage_;
 };
 
+// What the environment asks of an agent's explorer besides deciding; for recorders.
+enum class ExplorerCall : std::uint8_t { kStart, kBeginAction, kFuse, kAbandonGoal };
+
+// Told before each call. `center`: of the window, for kStart; `scan`: for kFuse, else null.
+using ExplorerObserver = std::function<void(int agent, ExplorerCall call, const Pose& pose,
+                                            Point center, const Scan* scan, bool count_visits)>;
+
 // Robots act in turn, one whole action each, and share visits and obstacles after every action as
 // the link would. Copies are independent: planners may look ahead in them.
 //
@@ -132,6 +141,9 @@ class HeapExplorer {
 class ExplorationEnvironment {
  public:
   explicit ExplorationEnvironment(const EnvironmentConfig& config);
+
+  // Copies of the environment tell the same observer.
+  void set_observer(ExplorerObserver observer) { observer_ = std::move(observer); }
 
   // Starts an episode with one agent for each of the scenario's starts, and takes the first view.
   // Throws std::invalid_argument when there is no agent.
@@ -212,7 +224,12 @@ class ExplorationEnvironment {
   void tell_obstacles(int listener, const CellRect& rect);
   CellRect body_rect(const Pose& pose) const;
 
+  // Tells the observer, if there is one.
+  void announce(const Agent& agent, ExplorerCall call, Point center = {},
+                const Scan* scan = nullptr, bool count_visits = false) const;
+
   EnvironmentConfig config_;
+  ExplorerObserver observer_;
   Scenario scenario_;
   CellRect extent_;
   GridFrame extent_frame_;

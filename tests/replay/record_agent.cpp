@@ -1,0 +1,203 @@
+// `record_agent`: writes the replay files that the tests play on every target.
+//   record_agent corridor MODEL OUT   two agents in the corridor; the first one's ports
+//   record_agent arena MODEL OUT      the explorer's calls in the paper's arenas
+//   record_agent model OUT            a model with random weights, where none is trained yet
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include "firmware/agent/linux/agent_setup.h"
+#include "firmware/nn/q_network.h"
+#include "host/environment/arena_worlds.h"
+#include "host/environment/exploration_environment.h"
+#include "host/map_server/map_server.h"
+#include "host/quantizer/quantizer.h"
+#include "host/simulator/corridor_world.h"
+#include "tests/replay/simulated_robot.h"
+
+namespace ivfm::replay {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kSeed = 7;
+constexpr std::size_t kMaxFileBytes = 1'450'000;
+constexpr std::uint32_t kMaxDecisions = 300;
+constexpr std::uint32_t kArenaDecisions = 200;
+constexpr std::uint64_t kMaxEpisodes = 24;
+constexpr TimeUs kTickUs = 2'000;
+constexpr TimeUs kLongestUs = 1'800'000'000;
+
+void write_file(const fs::path& path, const std::vector<std::uint8_t>& bytes) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+  if (!file.flush()) throw std::runtime_error("cannot write " + path.string());
+}
+
+AgentConfig corridor_config(const Pose& start, std::uint16_t robot) {
+  AgentOptions options;
+  options.robot_id = robot;
+  options.visit_range_m = 1;
+  options.max_speed_m_s = 0.5;  // more decisions a recorded second
+  options.max_turn_rad_s = 3;
+  AgentConfig config = make_agent_config(options, McuProfile::kCellUm, 1);
+  config.start = start;
+  return config;
+}
+
+// The map server, on robots in the same process.
+class Team final : public host::DatagramSender {
+ public:
+  explicit Team(std::vector<std::unique_ptr<SimulatedRobot>>& robots)
+      : robots_(robots),
+        file_(fs::temp_directory_path() / ("record_agent." + std::to_string(::getpid()))),
+        database_(std::make_unique<host::RunDatabase>(file_)) {
+    database_->begin_session(0, 1);
+    server_ = std::make_unique<host::MapServer>(*database_, *this, 1);
+  }
+  ~Team() {
+    server_.reset();
+    database_.reset();
+    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(file_.string() + suffix);
+  }
+  Team(const Team&) = delete;
+  Team& operator=(const Team&) = delete;
+
+  // Robots are told apart by the port of a made-up address.
+  void send(const host::PeerAddress& to, std::span<const std::uint8_t> datagram) override {
+    const auto port = reinterpret_cast<const sockaddr_in*>(&to.storage)->sin_port;
+    robots_.at(port)->radio().to_robot.emplace_back(datagram.begin(), datagram.end());
+  }
+  void exchange(TimeUs now_us) {
+    for (std::size_t i = 0; i < robots_.size(); ++i) {
+      host::PeerAddress address;
+      address.storage.ss_family = AF_INET;
+      address.size = sizeof(sockaddr_in);
+      reinterpret_cast<sockaddr_in*>(&address.storage)->sin_port = static_cast<in_port_t>(i);
+      for (const auto& datagram : robots_[i]->radio().from_robot) {
+        server_->receive(address, datagram, now_us);
+      }
+      robots_[i]->radio().from_robot.clear();
+    }
+    server_->step(now_us);
+  }
+
+ private:
+  std::vector<std::unique_ptr<SimulatedRobot>>& robots_;
+  fs::path file_;
+  std::unique_ptr<host::RunDatabase> database_;
+  std::unique_ptr<host::MapServer> server_;
+};
+
+void record_corridor(const std::vector<std::uint8_t>& model, const fs::path& out) {
+  const auto world = std::make_shared<const host::World>(host::corridor_world());
+  const std::vector<Pose> starts = host::corridor_start_poses(2);
+  std::vector<std::unique_ptr<SimulatedRobot>> robots;
+  for (std::uint16_t i = 0; i < 2; ++i) {
+    const auto robot = static_cast<std::uint16_t>(i + 1);
+    robots.push_back(
+        std::make_unique<SimulatedRobot>(corridor_config(starts[i], robot), world, kSeed));
+    const ModelStatus loaded = robots[i]->agent().load_model(model);
+    if (!ok(loaded.status)) throw std::runtime_error(std::string("bad model: ") + loaded.reason);
+  }
+  Team team(robots);
+  SimulatedRobot& recorded = *robots[0];
+  TimeUs now_us = 5'000'000;
+  const TimeUs begin_us = now_us;
+  while (recorded.writer().size() < kMaxFileBytes &&
+         recorded.agent().progress().actions < kMaxDecisions && now_us < kLongestUs &&
+         recorded.agent().state() != RobotState::kExplored) {
+    now_us += kTickUs;
+    for (const auto& robot : robots) robot->tick(now_us);
+    if (now_us % 20'000 == 0) team.exchange(now_us);
+  }
+  write_file(out, recorded.recording());
+  const AgentProgress& progress = recorded.agent().progress();
+  std::printf("%s: %.1f s, %u actions (%u global), %u scans, %.1f m, %d collisions, %zu bytes\n",
+              out.c_str(), static_cast<double>(now_us - begin_us) / 1e6, progress.actions,
+              progress.global_actions, progress.scans_fused, recorded.body().travelled_m(),
+              recorded.body().collisions(), static_cast<std::size_t>(fs::file_size(out)));
+}
+
+// Episodes of single robots in arenas of all kinds, one after the other, the same explorer.
+void record_arena(const std::vector<std::uint8_t>& model, const fs::path& out) {
+  auto network = std::make_unique<QNetwork>();
+  const ModelStatus loaded = network->load(model);
+  if (!ok(loaded.status)) throw std::runtime_error(std::string("bad model: ") + loaded.reason);
+  host::EnvironmentConfig config = host::EnvironmentConfig::arena();
+  config.max_actions_per_agent = 60;
+  config.count_first_view = true;  // else there is no frontier to begin with
+  Header header{Subject::kExplorer, ProfileId::kPaper, {}};
+  header.config.explorer = config.explorer;
+  ReplayWriter writer(header);
+  std::uint32_t decisions = 0, local = 0;
+  constexpr std::array kKinds = {host::ArenaKind::k1x, host::ArenaKind::k2x,
+                                 host::ArenaKind::kDivider, host::ArenaKind::kDividerReleased};
+  for (std::uint64_t episode = 0; episode < kMaxEpisodes && decisions < kArenaDecisions;
+       ++episode) {
+    host::ExplorationEnvironment environment(config);
+    environment.set_observer([&](int, host::ExplorerCall call, const Pose& pose, Point center,
+                                 const Scan* scan, bool count_visits) {
+      switch (call) {
+        case host::ExplorerCall::kStart: writer.start(pose, center); break;
+        case host::ExplorerCall::kBeginAction: writer.begin_action(); break;
+        case host::ExplorerCall::kFuse: writer.fuse(pose, *scan, count_visits); break;
+        case host::ExplorerCall::kAbandonGoal: writer.abandon_goal(); break;
+      }
+    });
+    environment.reset(host::random_arena(kKinds[episode % kKinds.size()], 1, kSeed + episode));
+    while (!environment.is_done()) {
+      const Pose pose = environment.pose(0);
+      writer.decide(pose);
+      const Decision decision = environment.explorer(0).decide(pose, *network);
+      ++decisions;
+      local += decision.kind == Decision::Kind::kLocalGoal ? 1 : 0;
+      if (decision.kind == Decision::Kind::kExplored) break;
+      environment.step_decision(0, decision);
+    }
+  }
+  write_file(out, writer.finish());
+  std::printf("%s: %u decisions (%u local goals), %zu bytes\n", out.c_str(), decisions, local,
+              static_cast<std::size_t>(fs::file_size(out)));
+}
+
+void make_model(const fs::path& out) {
+  const auto network = host::make_random_network(kSeed);
+  write_file(out, host::quantize(network, host::make_example_states(kSeed, 50)));
+  std::printf("%s: %zu bytes\n", out.c_str(), static_cast<std::size_t>(fs::file_size(out)));
+}
+
+int run(int argc, char** argv) {
+  const std::string what = argc > 1 ? argv[1] : "";
+  if (what == "model" && argc == 3) {
+    make_model(argv[2]);
+  } else if (what == "corridor" && argc == 4) {
+    record_corridor(host::read_model_file(argv[2]), argv[3]);
+  } else if (what == "arena" && argc == 4) {
+    record_arena(host::read_model_file(argv[2]), argv[3]);
+  } else {
+    std::fputs("usage: record_agent corridor MODEL OUT | arena MODEL OUT | model OUT\n", stderr);
+    return 2;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace ivfm::replay
+
+int main(int argc, char** argv) {
+  try {
+    return ivfm::replay::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "record_agent: %s\n", error.what());
+    return 1;
+  }
+}

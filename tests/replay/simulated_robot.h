@@ -1,0 +1,72 @@
+// A robot in one process: agent, emulated lidar and drives, a body in a world, and a recorder on
+// the agent's ports. Host only.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "firmware/hal/fake/fake_can_bus.h"
+#include "host/environment/random.h"
+#include "host/environment/ray_caster.h"
+#include "host/simulator/cia402_emulator.h"
+#include "host/simulator/emulated_serial_port.h"
+#include "host/simulator/robot_body.h"
+#include "tests/replay/recording_ports.h"
+
+namespace ivfm::replay {
+
+// Datagrams between a robot and the map server, without loss.
+class RadioQueue final : public DatagramSocket {
+ public:
+  using Datagram = std::vector<std::uint8_t>;
+  Result<std::size_t> receive(std::span<std::uint8_t> buffer) override;
+  Status send(std::span<const std::uint8_t> datagram) override;
+
+  std::vector<Datagram> to_robot, from_robot;
+};
+
+class SimulatedRobot {
+ public:
+  SimulatedRobot(const AgentConfig& config, std::shared_ptr<const host::World> world,
+                 std::uint64_t seed);
+
+  // Lets 2 ms pass; every 10 ms the agent makes a step.
+  void tick(TimeUs now_us);
+
+  Agent& agent() { return agent_; }
+  const host::RobotBody& body() const { return body_; }
+  const ReplayWriter& writer() const { return writer_; }
+  RadioQueue& radio() { return radio_; }
+  std::vector<std::uint8_t> recording() { return writer_.finish(); }
+
+ private:
+  class StillClock final : public Clock {  // as in a replay: decisions take no time
+   public:
+    TimeUs now_us() override { return now; }
+    TimeUs now = 0;
+  };
+
+  void measure(std::span<ScanPoint> beams);
+  void roll_wheels();
+
+  std::shared_ptr<const host::World> world_;
+  host::RayCaster rays_;
+  host::Random random_;
+  host::RobotBody body_;
+  host::RplidarEmulator rplidar_;
+  host::EmulatedSerialPort serial_{rplidar_};
+  fake::FakeCanWire<2> wire_;
+  host::Cia402Emulator left_{{.node_id = 1}}, right_{{.node_id = 2}};
+  host::DriveGroup drives_{wire_.end(1), {&left_, &right_}};
+  RadioQueue radio_;
+  StillClock clock_;
+  double left_counts_ = 0, right_counts_ = 0;
+  ReplayWriter writer_;
+  PortRecorder recorder_{writer_, serial_, wire_.end(0), radio_};
+  AgentFor<McuProfile> agent_;
+};
+
+// `config` as a replay file keeps it: what the file has no place for is as by default.
+AgentConfig as_stored(const AgentConfig& config);
+
+}  // namespace ivfm::replay
