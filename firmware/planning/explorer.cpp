@@ -219,6 +219,15 @@ void Explorer::review_last_goal(const Pose& pose) {
   if (distance <= stand_off_cells()) give_up_frontier();
 }
 
+Status Explorer::replan(const Pose& pose) {
+  if (last_.kind == Decision::Kind::kExplored) return Status::kEmpty;
+  const bool local = last_.kind == Decision::Kind::kLocalGoal;
+  const CellRect region = local ? state_.grid.window() : explored_region(pose);
+  paths_.compute(map_, robot_cell(pose), region,
+                 tight_ ? Clearance::kTight : Clearance::kPreferred);
+  return plan_path(map_, paths_, last_.goal, path_);
+}
+
 bool Explorer::goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const {
   if (last_.kind == Decision::Kind::kGlobalGoal && !is_frontier(map_, last_frontier_)) return false;
   if (tight_) return true;  // nearer to obstacles than the inflation allows

@@ -120,6 +120,9 @@ class Explorer {
   }
   // Any map cell as a goal; computes the shortest path map of the whole map. kUnavailable as above.
   Status select_cell(const Pose& pose, Cell goal, Decision& out);
+  // Plans the way to the last decision's goal again, from `pose` and around what has been seen
+  // since. kUnavailable: the goal is out of reach now; kEmpty: there is no goal.
+  Status replan(const Pose& pose);
   // Whether the last decision still makes sense: its way is not blocked by what has been seen
   // since, counted from waypoint `next_waypoint` on, and a frontier it was made for is still one.
   bool goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const;

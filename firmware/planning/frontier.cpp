@@ -6,10 +6,11 @@ namespace {
 
 constexpr Cell kNeighbours[] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
 
-// The cheapest reachable cell within `stand_off` of `frontier`.
+// The frontier itself where it can be reached, else the cheapest cell within `stand_off` of it.
 std::optional<FrontierGoal> best_stand(const ExplorationMap& map, const ShortestPathMap& paths,
                                        Cell frontier, std::int32_t stand_off) {
-  FrontierGoal best{frontier, {}, path::kUnreachable};
+  FrontierGoal best{frontier, frontier, paths.cost_at(map, frontier)};
+  if (best.path_cost != path::kUnreachable) return best;
   const CellRect near =
       CellRect{frontier.x, frontier.y, 1, 1}.grown(stand_off).intersection(paths.region());
   for (std::int32_t y = near.y; y < near.top(); ++y) {

@@ -24,9 +24,9 @@ struct FrontierGoal {
 };
 
 // The frontier in `rect` whose standing place costs least to reach by the last computed shortest
-// path map; no value when none is reachable. `stand_off`: how many cells from it one may stand
-// (frontiers along walls cannot be stood on). `min_size`: see is_wide_frontier(). Ties: lowest cell
-// index.
+// path map; no value when none is reachable. A frontier that cannot be stood
+// on, such as one along a wall, is looked at from up to `stand_off` cells away. `min_size`: see
+// is_wide_frontier(). Ties: lowest cell index.
 std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
                                              const ShortestPathMap& paths, const CellRect& rect,
                                              std::int32_t stand_off, int min_size);

@@ -14,6 +14,8 @@ namespace ivfm::host {
 
 namespace {
 
+// New ways an action may take around what it sees, before it gives up.
+constexpr int kMaxDetours = 8;
 constexpr std::int32_t kStepUm = 1'000;        // forward, a simulation step
 constexpr std::int32_t kTurnStep = 546;        // 3 degrees in binary angle units
 constexpr std::int32_t kContactGapUm = 2'000;  // robots come to rest this short of an obstacle
@@ -179,8 +181,12 @@ struct ExplorationEnvironment::Motion {
   StepResult& result;
   std::vector<Point> waypoints;
   std::size_t next = 0;  // the waypoint being driven to
+  double budget_um = 0;  // left to drive: the front, not the middle, goes to the goal
   std::int32_t steps_to_view = 0;
+  bool rerouted = false;  // the path must be planned again
   bool ended = false;
+
+  bool goes_on() const { return !ended && !rerouted; }
 };
 
 ExplorationEnvironment::ExplorationEnvironment(const EnvironmentConfig& config) : config_(config) {
@@ -343,27 +349,49 @@ void ExplorationEnvironment::finish_action(int agent, StepResult& result) {
 // --- Motion --------------------------------------------------------------------------------------
 
 void ExplorationEnvironment::drive(Agent& agent, StepResult& result) {
-  const WaypointPath& path = agent.explorer.get().path();
-  Motion motion{agent, result, {path.points().begin(), path.points().end()}};
+  Motion motion{agent, result, {}};
   motion.steps_to_view = config_.view_every_steps;
-  double budget_um = static_cast<double>(path.length_um(agent.pose.position)) - config_.front_um;
-  for (; motion.next < motion.waypoints.size() && !motion.ended; ++motion.next) {
-    const Point goal = motion.waypoints[motion.next];
-    if (goal == agent.pose.position) continue;
-    turn_towards(motion, goal);
-    if (motion.ended || budget_um <= 0) break;
-    const double before_m = result.distance_m;
-    drive_towards(motion, goal, budget_um);
-    budget_um -= (result.distance_m - before_m) * 1e6;
+  take_path(motion);
+  follow(motion);
+  for (int detours = 0; motion.rerouted && detours < kMaxDetours && reroute(motion); ++detours) {
+    follow(motion);
   }
+  result.blocked = result.blocked || motion.rerouted;
   take_view(agent, config_.count_last_view, result);
+}
+
+void ExplorationEnvironment::take_path(Motion& motion) const {
+  const WaypointPath& path = motion.agent.explorer.get().path();
+  motion.waypoints.assign(path.points().begin(), path.points().end());
+  motion.next = 0;
+  motion.budget_um =
+      static_cast<double>(path.length_um(motion.agent.pose.position)) - config_.front_um;
+}
+
+bool ExplorationEnvironment::reroute(Motion& motion) {
+  if (!ok(motion.agent.explorer.get().replan(motion.agent.pose))) return false;
+  motion.rerouted = false;
+  take_path(motion);
+  return true;
+}
+
+void ExplorationEnvironment::follow(Motion& motion) {
+  for (; motion.next < motion.waypoints.size() && motion.goes_on(); ++motion.next) {
+    const Point goal = motion.waypoints[motion.next];
+    if (goal == motion.agent.pose.position) continue;
+    turn_towards(motion, goal);
+    if (!motion.goes_on() || motion.budget_um <= 0) break;
+    const double before_m = motion.result.distance_m;
+    drive_towards(motion, goal);
+    motion.budget_um -= (motion.result.distance_m - before_m) * 1e6;
+  }
 }
 
 void ExplorationEnvironment::turn_towards(Motion& motion, Point goal) {
   Pose& pose = motion.agent.pose;
   const BinaryAngle wanted = atan2_binary(std::int64_t{goal.y_um} - pose.position.y_um,
                                           std::int64_t{goal.x_um} - pose.position.x_um);
-  while (!motion.ended && !(pose.heading == wanted)) {
+  while (motion.goes_on() && !(pose.heading == wanted)) {
     const std::int32_t rest = (wanted - pose.heading).signed_raw();
     const std::int32_t needed = (std::abs(rest) + kTurnStep - 1) / kTurnStep;
     std::int32_t steps = std::min(needed, motion.steps_to_view);
@@ -378,17 +406,17 @@ void ExplorationEnvironment::turn_towards(Motion& motion, Point goal) {
   }
 }
 
-void ExplorationEnvironment::drive_towards(Motion& motion, Point goal, double budget_um) {
+void ExplorationEnvironment::drive_towards(Motion& motion, Point goal) {
   Pose& pose = motion.agent.pose;
   const Point from = pose.position;
   const double length = distance_um(from, goal);
-  const double wanted = std::min(length, budget_um);
+  const double wanted = std::min(length, motion.budget_um);
   const double free = free_travel_um(motion.agent, goal);
   const bool is_free = free >= wanted;
   const std::int32_t gap_um = config_.stops_before_contact ? kSafetyGapUm : kContactGapUm;
   const double limit = is_free ? wanted : std::max(0.0, free - gap_um);
   double driven = 0;
-  while (!motion.ended && driven < limit) {
+  while (motion.goes_on() && driven < limit) {
     auto steps = static_cast<std::int32_t>(std::ceil((limit - driven) / kStepUm));
     steps = std::min(steps, motion.steps_to_view);
     if (config_.max_sim_steps > 0) {
@@ -420,7 +448,9 @@ void ExplorationEnvironment::spend_steps(Motion& motion, std::int32_t steps) {
   if (motion.steps_to_view > 0) return;
   motion.steps_to_view = config_.view_every_steps;
   take_view(motion.agent, true, motion.result);
-  if (config_.stop_when_blocked && path_is_blocked(motion)) {
+  if (config_.reroute_when_blocked) {
+    motion.rerouted = path_is_blocked(motion);
+  } else if (config_.stop_when_blocked && path_is_blocked(motion)) {
     motion.result.blocked = motion.ended = true;
   }
 }

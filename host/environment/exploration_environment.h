@@ -39,7 +39,8 @@ struct EnvironmentConfig {
   std::int32_t front_um = 0;          // the robot's front, not its middle, goes to the goal
   bool count_last_view = true;        // whether an action's last view counts as a visit
   bool count_first_view = true;       // whether the view before the first action counts
-  bool stop_when_blocked = false;     // an action ends when a view shows its path is blocked
+  bool stop_when_blocked = false;     // an action ends when a view shows its path is blocked ...
+  bool reroute_when_blocked = false;  // ... or goes on around what blocks it, to the same goal
   // The lidar that looks all the time stops the robot before it touches anything: the action is
   // blocked, not a collision.
   bool stops_before_contact = false;
@@ -207,8 +208,11 @@ class ExplorationEnvironment {
   void finish_action(int agent, StepResult& result);
 
   void drive(Agent& agent, StepResult& result);
+  void follow(Motion& motion);
+  void take_path(Motion& motion) const;
+  bool reroute(Motion& motion);
   void turn_towards(Motion& motion, Point goal);
-  void drive_towards(Motion& motion, Point goal, double budget_um);
+  void drive_towards(Motion& motion, Point goal);
   void spend_steps(Motion& motion, std::int32_t steps);
   double free_travel_um(const Agent& agent, Point to) const;
   bool path_is_blocked(const Motion& motion) const;

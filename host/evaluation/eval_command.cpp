@@ -134,6 +134,9 @@ void add_eval_command(CLI::App& app, CommandAction& action) {
   command->add_option("--fov", world.fov_deg, "the lidar's field of view in degrees [360]");
   command->add_option("--start", options->start, "x,y,heading (m, m, degrees) of the first robot");
   command->add_flag("--walls-known", world.walls_known, "arenas: the border is known at the start");
+  command->add_flag("--reroute", world.reroute,
+                    "arenas: robots drive around what they see to block their way; without it they "
+                    "drive into it, as in the paper's released code");
   command->add_flag("--count-last-view", world.count_last_view,
                     "arenas: an action's last view counts as a visit too");
   command->add_option("--episodes-out", options->episodes_out, "CSV file, a row an episode");

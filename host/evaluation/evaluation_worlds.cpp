@@ -95,6 +95,7 @@ EvaluationWorld arena_world(const WorldOptions& options, ArenaKind kind) {
   EvaluationWorld result;
   result.name = options.name;
   result.config = EnvironmentConfig::arena();
+  result.config.reroute_when_blocked = options.reroute;
   result.config.walls_known = options.walls_known;
   result.config.count_last_view = options.count_last_view;
   result.scenario = [kind](int agents, std::uint64_t seed) {

@@ -30,6 +30,7 @@ struct WorldOptions {
   std::optional<Pose> start;             // of the first robot, maps only
   bool walls_known = false;              // arenas only
   bool count_last_view = false;          // arenas only: count every view as a visit
+  bool reroute = false;                  // arenas only: drive around what is seen to block the way
 };
 
 // Throws std::invalid_argument for names and options that cannot be used (the message says what
