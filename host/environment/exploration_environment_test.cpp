@@ -57,8 +57,8 @@ TEST(ExplorationEnvironment, SweepsAStripAsWideAsTheCamerasFarEdge) {
   env.observe(0);
   const StepResult result = env.step(0, index_of(15, 0));
   // 0.41 m: six counted views, 0.06 m apart, after the first one at the start, which shows the
-  // trapezoid, 0.068 m2. Each adds the far edge's 0.507 m by 0.06 m, less two triangles of 0.06 m by
-  // 0.053 m at the slanted sides; the rest of the first trapezoid is seen again.
+  // trapezoid, 0.068 m2. Each adds the far edge's 0.507 m by 0.06 m, less two triangles of 0.06 m
+  // by 0.053 m at the slanted sides; the rest of the first trapezoid is seen again.
   const double cell_m2 = 0.015625 * 0.015625, strip_m2 = 0.06 * 0.507 - 0.06 * 0.053;
   EXPECT_EQ(result.views, 7);
   EXPECT_NEAR(result.newly_seen_cells * cell_m2, 6 * strip_m2, 0.004);
