@@ -50,6 +50,8 @@ const KernelSet& avx512_vnni_kernels();
 const KernelSet& avx2_kernels();
 // Compiled for AArch64 only.
 const KernelSet& neon_kernels();
+// Compiled for ARMv7 only: Cortex-M7, 32-bit ARM Linux.
+const KernelSet& dsp_kernels();
 // Plain C++, for every other processor.
 const KernelSet& portable_kernels();
 

@@ -1,5 +1,7 @@
-// `replay_agent FILE MODEL [--each]`: plays a replay file and prints the hash of all that the core
-// decided and sent, with --each also one line a decision. Core and C library only.
+// `replay_agent FILE MODEL [--each | --count]`: plays a replay file and prints the hash of all that
+// the core decided and sent. --each: also one line a decision. --count: also how much virtual time
+// it took, which is one nanosecond an instruction on an emulated AArch64 machine with `-icount
+// shift=0`. Core and C library only.
 #include <array>
 #include <cerrno>
 #include <cinttypes>
@@ -34,6 +36,36 @@ class DecisionPrinter final : public DecisionListener {
   }
 };
 
+#ifdef __aarch64__
+// The generic timer: nanoseconds since the machine started.
+class VirtualTime final : public WorkCounter {
+ public:
+  std::uint64_t now() override {
+    std::uint64_t ticks, hertz;
+    asm volatile("isb\n mrs %0, cntvct_el0" : "=r"(ticks)::"memory");
+    asm volatile("mrs %0, cntfrq_el0" : "=r"(hertz));
+    return ticks * (1'000'000'000 / hertz);
+  }
+};
+WorkCounter* virtual_time() {
+  static VirtualTime counter;
+  return &counter;
+}
+#else
+WorkCounter* virtual_time() { return nullptr; }  // no such machine
+#endif
+
+struct Options {
+  bool each = false;
+  bool count = false;
+};
+
+void print_work(const char* what, const WorkStatistics& work) {
+  const std::uint64_t mean = work.count == 0 ? 0 : work.total / work.count;
+  std::printf("ns of %s: %" PRIu32 ", mean %" PRIu64 ", largest %" PRIu64 "\n", what, work.count,
+              mean, work.largest);
+}
+
 // A fixed place for the profile's object, as on a robot.
 template <typename T, typename... Arguments>
 T& place(Arguments&&... arguments) {
@@ -43,7 +75,7 @@ T& place(Arguments&&... arguments) {
 
 template <typename Profile>
 Status play(ReplayReader& reader, const Header& header, std::span<const std::uint8_t> model,
-            DecisionListener* listener, ReplaySummary& summary) {
+            DecisionListener* listener, WorkCounter* counter, ReplaySummary& summary) {
   if (header.subject == Subject::kExplorer) {
     auto& explorer = place<ExplorerFor<Profile>>(header.config.explorer);
     auto& network = place<QNetwork>();
@@ -51,7 +83,7 @@ Status play(ReplayReader& reader, const Header& header, std::span<const std::uin
     if (!ok(loaded.status)) return loaded.status;
     return replay_explorer(reader, explorer, network, listener, summary);
   }
-  AgentReplay player(reader);
+  AgentReplay player(reader, counter);
   auto& agent = place<AgentFor<Profile>>(header.config, player.ports());
   const ModelStatus loaded = agent.load_model(model);
   if (!ok(loaded.status)) return loaded.status;
@@ -59,11 +91,14 @@ Status play(ReplayReader& reader, const Header& header, std::span<const std::uin
 }
 
 Status play_profile(ReplayReader& reader, const Header& header, std::span<const std::uint8_t> model,
-                    DecisionListener* listener, ReplaySummary& summary) {
+                    DecisionListener* listener, WorkCounter* counter, ReplaySummary& summary) {
   switch (header.profile) {
-    case ProfileId::kPaper: return play<PaperProfile>(reader, header, model, listener, summary);
-    case ProfileId::kRobot: return play<RobotProfile>(reader, header, model, listener, summary);
-    case ProfileId::kMcu: return play<McuProfile>(reader, header, model, listener, summary);
+    case ProfileId::kPaper:
+      return play<PaperProfile>(reader, header, model, listener, counter, summary);
+    case ProfileId::kRobot:
+      return play<RobotProfile>(reader, header, model, listener, counter, summary);
+    case ProfileId::kMcu:
+      return play<McuProfile>(reader, header, model, listener, counter, summary);
   }
   return Status::kUnsupported;
 }
@@ -73,7 +108,7 @@ int fail(const char* what, const char* path, const char* why) {
   return 1;
 }
 
-int run(const char* replay_path, const char* model_path, bool each) {
+int run(const char* replay_path, const char* model_path, const Options& options) {
   alignas(64) static std::array<std::uint8_t, kMaxModelBytes> model;
   std::FILE* model_file = std::fopen(model_path, "rb");
   if (model_file == nullptr) return fail("cannot read", model_path, std::strerror(errno));
@@ -90,7 +125,8 @@ int run(const char* replay_path, const char* model_path, bool each) {
   Status status = reader.read_header(header);
   if (ok(status)) {
     status = play_profile(reader, header, std::span(model).first(model_size),
-                          each ? &printer : nullptr, summary);
+                          options.each ? &printer : nullptr,
+                          options.count ? virtual_time() : nullptr, summary);
   }
   std::fclose(file);
   if (!ok(status)) return fail("cannot play", replay_path, to_string(status));
@@ -98,6 +134,11 @@ int run(const char* replay_path, const char* model_path, bool each) {
               " steps, %" PRIu32 " frames sent, %" PRIu32 " steps with unread input\n",
               summary.decisions, summary.local_goals, summary.scans, summary.steps,
               summary.frames_sent, summary.unused_steps);
+  if (options.count && virtual_time() != nullptr) {
+    print_work("decisions", summary.decision_work);
+    print_work("steps that fuse a revolution", summary.scan_work);
+    print_work("other steps", summary.step_work);
+  }
   std::printf("hash %016" PRIx64 "\n", summary.hash);
   return 0;
 }
@@ -106,10 +147,12 @@ int run(const char* replay_path, const char* model_path, bool each) {
 }  // namespace ivfm::replay
 
 int main(int argc, char** argv) {
-  const bool each = argc == 4 && std::strcmp(argv[3], "--each") == 0;
-  if (argc != 3 && !each) {
-    std::fputs("usage: replay_agent FILE MODEL [--each]\n", stderr);
+  ivfm::replay::Options options;
+  options.each = argc == 4 && std::strcmp(argv[3], "--each") == 0;
+  options.count = argc == 4 && std::strcmp(argv[3], "--count") == 0;
+  if (argc != 3 && !options.each && !options.count) {
+    std::fputs("usage: replay_agent FILE MODEL [--each | --count]\n", stderr);
     return 2;
   }
-  return ivfm::replay::run(argv[1], argv[2], each);
+  return ivfm::replay::run(argv[1], argv[2], options);
 }

@@ -8,4 +8,4 @@ arguments=("enable=on,target=native")
 for argument in "${@:2}"; do arguments+=("arg=$argument"); done
 exec timeout 600 qemu-system-arm -M mps2-an500 -cpu cortex-m7 -icount shift=0 -display none \
   -monitor none -serial none -semihosting-config "$(IFS=,; echo "${arguments[*]}")" \
-  -kernel "$image" </dev/null
+  -kernel "$image" </dev/null 2>&1  # semihosting prints on standard error
