@@ -7,6 +7,7 @@
 #include "host/cli/commands.h"
 #include "host/demo/demo_command.h"
 #include "host/evaluation/eval_command.h"
+#include "host/log_analysis/log_command.h"
 #include "host/map_server/serve_command.h"
 #include "host/simulator/replay_command.h"
 #include "host/simulator/sim_command.h"
@@ -25,6 +26,7 @@ int run(int argc, char** argv) {
   ivfm::host::add_canbus_command(app, action);
   ivfm::host::add_replay_command(app, action);
   ivfm::host::add_serve_command(app, action);
+  ivfm::host::add_log_command(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -107,6 +107,16 @@ std::string render_table(const DemoReport& report) {
   return html + "</tbody></table></div>";
 }
 
+// Two columns with a heading; nothing when there is nothing to list.
+std::string render_list(const char* title, const std::vector<ReportFigure>& rows) {
+  if (rows.empty()) return {};
+  std::string html = std::string("\n<h2>") + title + "</h2><dl>";
+  for (const ReportFigure& row : rows) {
+    html += "<dt><code>" + escaped(row.value) + "</code></dt><dd>" + escaped(row.label) + "</dd>";
+  }
+  return html + "</dl>";
+}
+
 std::string render_figures(const std::vector<ReportFigure>& figures) {
   std::string html = "<div class=\"figures\">";
   for (const ReportFigure& figure : figures) {
@@ -203,14 +213,13 @@ std::string render_report(const DemoReport& report) {
   if (!report.map_picture.empty()) {
     html += "\n<h2>Map</h2><div class=\"frame\">" + embedded_picture(report.map_picture) + "</div>";
   }
-  html += "\n<h2>Explored over time</h2><div class=\"frame\">" +
+  html += "\n<h2>" + escaped(report.progress_title) + "</h2><div class=\"frame\">" +
           render_coverage_curve(report.progress, report.goal) + "</div>";
   html += "\n<h2>Robots</h2>" + render_table(report);
-  html += "\n<h2>Files</h2><dl>";
-  for (const ReportFigure& file : report.files) {
-    html += "<dt><code>" + escaped(file.value) + "</code></dt><dd>" + escaped(file.label) + "</dd>";
+  html += render_list("What happened", report.events) + render_list("Files", report.files);
+  if (!report.command.empty()) {
+    html += "\n<h2>Run it again</h2><pre>" + escaped(report.command) + "</pre>\n";
   }
-  html += "</dl>\n<h2>Run it again</h2><pre>" + escaped(report.command) + "</pre>\n";
   return html + "</main></body></html>\n";
 }
 

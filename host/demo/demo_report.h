@@ -32,12 +32,14 @@ struct DemoReport {
   std::vector<Verdict> verdicts;
   std::vector<ReportFigure> figures;
   std::filesystem::path map_picture;  // PNG, put into the page
-  double goal = 0;                    // share that was aimed at
+  double goal = 0;                    // share that was aimed at; 0: none
   std::vector<ProgressPoint> progress;
   std::vector<std::string> table_head;
   std::vector<std::vector<std::string>> table;  // one row a robot; the first column is its name
+  std::vector<ReportFigure> events;             // value: when; label: what; may be empty
   std::vector<ReportFigure> files;              // value: name; label: what it is
-  std::string command;                          // how to run it again
+  std::string progress_title = "Explored over time";
+  std::string command;  // how to run it again; may be empty
 };
 
 // The page. Throws std::runtime_error when the picture cannot be read.

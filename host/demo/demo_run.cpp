@@ -131,6 +131,8 @@ DemoResult DemoRun::run() {
               options_.until * 100, options_.time_scale, options_.out.c_str());
   std::fflush(stdout);
   fleet.start();
+  std::printf("live page %s\n", fleet.live_page().c_str());
+  std::fflush(stdout);
   explore(fleet);
   std::printf("robots stop and hand over their maps\n");
   std::fflush(stdout);

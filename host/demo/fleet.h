@@ -67,6 +67,8 @@ class Fleet {
   // when one of them did not end properly: failure() says which.
   bool stop();
 
+  // Link to the live page; may command the robots.
+  const std::string& live_page() const { return live_page_; }
   const std::vector<AgentReport>& agents() const { return agents_; }
   // Contacts that the simulator has announced.
   int collisions() const { return collisions_; }
@@ -94,6 +96,7 @@ class Fleet {
   std::vector<std::unique_ptr<ChildProcess>> children_;  // in the order of their start
   std::string bus_address_;                              // HOST:PORT
   std::string server_address_;
+  std::string live_page_;                 // link with its token
   std::vector<std::string> connections_;  // of each robot, as the simulator printed them
   bool simulator_ready_ = false;
   std::vector<AgentReport> agents_;

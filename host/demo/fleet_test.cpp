@@ -53,7 +53,9 @@ sim) echo "robot 1: --lidar L1 --can C1 --start 1,2,3"
      echo "robot 2: --lidar L2 --can C2 --start 4,5,6"
      echo "simulation ready"
      echo "collision: robot 2 at 0,0 after 1 s" ;;
-serve) echo "listening on 127.0.0.1:4321, writing run.db" ;;
+serve)
+  echo "listening on 127.0.0.1:4321, writing run.db"
+  echo "live page http://127.0.0.1:4322/#token=secret" ;;
 esac
 trap 'exit 0' TERM
 while :; do sleep 0.02; done)");

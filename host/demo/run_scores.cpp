@@ -57,8 +57,13 @@ double CoverageMeter::share_visited(const LayerMap& map) const {
 
 RunScores score_run(const LayerMap& merged, std::span<const LayerMap> robots,
                     const CoverageMeter& meter, double driven_m) {
-  RunScores scores;
+  RunScores scores = score_maps(merged, robots, driven_m);
   scores.coverage = meter.share_visited(merged);
+  return scores;
+}
+
+RunScores score_maps(const LayerMap& merged, std::span<const LayerMap> robots, double driven_m) {
+  RunScores scores;
   const GridFrame frame(std::max(1, merged.cell_um), merged.bounds);
   std::uint64_t cells = 0, visits = 0, shared = 0;
   for (std::size_t i = 0; i < merged.visits.size(); ++i) {

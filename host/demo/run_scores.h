@@ -41,6 +41,8 @@ struct RunScores {
   double pixels_per_metre = 0;  // PE: visited area in pixels of 1/128 m per metre driven
 };
 
+// All but the coverage, for which one must know the world.
+RunScores score_maps(const LayerMap& merged, std::span<const LayerMap> robots, double driven_m);
 // `robots`: the map of each; `driven_m`: the distance all of them drove.
 RunScores score_run(const LayerMap& merged, std::span<const LayerMap> robots,
                     const CoverageMeter& meter, double driven_m);

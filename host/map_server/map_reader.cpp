@@ -14,15 +14,6 @@
 namespace ivfm::host {
 namespace {
 
-SqliteConnection open_for_reading(const std::filesystem::path& database) {
-  if (!std::filesystem::exists(database)) {
-    throw std::runtime_error("run database '" + database.string() + "' does not exist");
-  }
-  SqliteConnection connection(database, SqliteConnection::Mode::kRead);
-  check_run_database(connection, database, false);
-  return connection;
-}
-
 LayerMap empty_map(std::int32_t cell_um, const CellRect& bounds) {
   const auto size = static_cast<std::size_t>(bounds.area());
   return {cell_um, bounds, std::vector<std::uint8_t>(size), std::vector<std::uint8_t>(size)};
@@ -100,6 +91,15 @@ void for_each_cell(const CellRect& rect, Visit visit) {
 
 }  // namespace
 
+SqliteConnection open_run_database(const std::filesystem::path& database) {
+  if (!std::filesystem::exists(database)) {
+    throw std::runtime_error("run database '" + database.string() + "' does not exist");
+  }
+  SqliteConnection connection(database, SqliteConnection::Mode::kRead);
+  check_run_database(connection, database, false);
+  return connection;
+}
+
 std::uint8_t LayerMap::value(Layer layer, Cell cell) const {
   if (!bounds.contains(cell)) return 0;
   const auto& cells = layer == Layer::kVisits ? visits : obstacles;
@@ -107,7 +107,7 @@ std::uint8_t LayerMap::value(Layer layer, Cell cell) const {
 }
 
 LayerMap load_merged_map(const std::filesystem::path& database) {
-  SqliteConnection connection = open_for_reading(database);
+  SqliteConnection connection = open_run_database(database);
   SqliteStatement extent(connection,
                          "SELECT min(tile_x), min(tile_y), max(tile_x), max(tile_y) FROM tiles");
   SqliteStatement tiles(connection, "SELECT layer, tile_x, tile_y, cells FROM tiles");
@@ -115,7 +115,7 @@ LayerMap load_merged_map(const std::filesystem::path& database) {
 }
 
 LayerMap load_robot_map(const std::filesystem::path& database, std::uint16_t robot) {
-  SqliteConnection connection = open_for_reading(database);
+  SqliteConnection connection = open_run_database(database);
   SqliteStatement extent(connection,
                          "SELECT min(tile_x), min(tile_y), max(tile_x), max(tile_y) FROM tiles "
                          "WHERE robot = ?");
@@ -127,7 +127,7 @@ LayerMap load_robot_map(const std::filesystem::path& database, std::uint16_t rob
 }
 
 std::vector<std::uint16_t> load_robot_ids(const std::filesystem::path& database) {
-  SqliteConnection connection = open_for_reading(database);
+  SqliteConnection connection = open_run_database(database);
   SqliteStatement rows(connection, "SELECT robot FROM robots ORDER BY robot");
   std::vector<std::uint16_t> robots;
   while (rows.row()) robots.push_back(static_cast<std::uint16_t>(rows.integer(0)));

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "host/map_server/sqlite.h"
 #include "shared/geometry/grid_frame.h"
 #include "shared/wire/layer.h"
 
@@ -29,6 +30,8 @@ struct LayerMap {
 // All throw std::runtime_error with one sentence when `database` is no run database. It may be in
 // use by a server at the same time.
 
+// To ask it something; nothing can be written.
+SqliteConnection open_run_database(const std::filesystem::path& database);
 // What the fleet saw: visits summed (at most 255), obstacles of any robot.
 LayerMap load_merged_map(const std::filesystem::path& database);
 // What one robot saw; empty bounds when it is not known.

@@ -44,6 +44,7 @@ void MapServer::load() {
   }
   logged_explored_ = map_.explored_cells();
   logged_obstacles_ = map_.obstacle_cells();
+  changed_tiles_ = map_.tiles();
 }
 
 // --- Receiving ---------------------------------------------------------------------------------
@@ -177,7 +178,9 @@ void MapServer::merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateRea
   }
   for (const TileChange& change : changes) {
     unsaved_tiles_.insert({robot.record.robot, change.key});
-    if (!change.changed.empty()) uncommitted_changes_.emplace_back(robot.record.robot, change);
+    if (change.changed.empty()) continue;
+    uncommitted_changes_.emplace_back(robot.record.robot, change);
+    changed_tiles_.insert(change.key);
   }
 }
 
@@ -223,6 +226,7 @@ void MapServer::handle_status(Robot& robot, std::span<const std::uint8_t> body, 
     return;
   }
   take_pose(robot, status->pose, now_us);
+  robot.status = *status;
   const std::uint16_t id = robot.record.robot;
   const std::int64_t time = to_sql(now_us);
   rows_.emplace_back([=](RunDatabase& database) { database.add_status(time, id, *status); });
@@ -256,6 +260,7 @@ void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
 // Logs where the robot is. The caller has checked that `packed` can be unpacked.
 void MapServer::take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us) {
   const Pose pose = *unpack_pose(packed);
+  robot.pose = pose;
   if (cell_um_) robot.cell = GridFrame(*cell_um_, {}).cell_at(pose.position);
   rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot, pose](RunDatabase& database) {
     database.add_pose(time, id, pose);
@@ -397,6 +402,15 @@ std::uint32_t MapServer::send(Robot& robot, MessageKind kind, std::size_t body_s
     traffic->bytes_out += bytes;
   }
   return header.sequence;
+}
+
+std::vector<RobotView> MapServer::robots() const {
+  std::vector<RobotView> views;
+  for (const auto& [id, robot] : robots_) {
+    views.push_back({id, robot.record.name, robot.record.last_seen_us, robot.record.traffic,
+                     robot.pose, robot.goal, robot.status});
+  }
+  return views;
 }
 
 bool MapServer::all_delivered() const {

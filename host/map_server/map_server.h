@@ -45,6 +45,18 @@ struct MapServerCounters {
   }
 };
 
+// What people want to see of a robot.
+struct RobotView {
+  std::uint16_t robot = 0;
+  std::string name;
+  std::int64_t last_seen_us = 0;
+  TrafficCounters traffic;
+  // Since this server started; nothing before the robot was heard.
+  std::optional<Pose> pose;
+  std::optional<Cell> goal;  // the robot's own cell when it has none
+  std::optional<RobotStatus> status;
+};
+
 // How the server answers; lossy like UDP.
 class DatagramSender {
  public:
@@ -79,6 +91,9 @@ class MapServer {
   std::optional<std::int32_t> cell_um() const { return cell_um_; }
   std::size_t robot_count() const { return robots_.size(); }
   const MapServerCounters& counters() const { return counters_; }
+  std::vector<RobotView> robots() const;
+  // The tiles with changed cells since the last call; at first all.
+  std::set<TileKey> take_changed_tiles() { return std::exchange(changed_tiles_, {}); }
   // True when every robot that was heard has acknowledged all that the others saw.
   bool all_delivered() const;
 
@@ -89,7 +104,9 @@ class MapServer {
     TimeUs last_heard_us = 0;
     bool heard = false;  // since this server started
     Cell cell;           // where it is
+    std::optional<Pose> pose;
     std::optional<Cell> goal;
+    std::optional<RobotStatus> status;
     std::vector<std::uint32_t> to_acknowledge;  // taken over, not committed yet
     std::uint32_t next_sequence = 1;
     Downlink downlink;
@@ -140,6 +157,7 @@ class MapServer {
 
   std::set<std::pair<std::uint16_t, TileKey>> unsaved_tiles_;
   std::vector<std::pair<std::uint16_t, TileChange>> uncommitted_changes_;
+  std::set<TileKey> changed_tiles_;  // for who looks on
   std::vector<Row> rows_;
   std::set<std::uint16_t> unsaved_robots_;
   TimeUs last_commit_us_ = 0;

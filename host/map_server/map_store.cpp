@@ -113,6 +113,19 @@ void MapStore::read_others(std::uint16_t robot, const TileKey& key, const CellRe
   }
 }
 
+void MapStore::read_merged(const TileKey& key, std::span<std::uint8_t> out) const {
+  const auto sums = sums_.find(key);
+  for (std::size_t i = 0; i < kTileCells; ++i) {
+    out[i] = sums == sums_.end() ? std::uint8_t{0} : merged(key.layer, sums->second[i]);
+  }
+}
+
+std::set<TileKey> MapStore::tiles() const {
+  std::set<TileKey> keys;
+  for (const auto& entry : sums_) keys.insert(entry.first);
+  return keys;
+}
+
 std::vector<TileKey> MapStore::tiles_of_others(std::uint16_t robot) const {
   std::vector<TileKey> keys;
   for (const auto& [other, tiles] : robots_) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <set>
 #include <span>
 #include <tuple>
 #include <vector>
@@ -62,6 +63,11 @@ class MapStore {
   // The same without `robot`'s share, for `rect` within one tile; rect.area() bytes.
   void read_others(std::uint16_t robot, const TileKey& key, const CellRect& rect,
                    std::span<std::uint8_t> out) const;
+
+  // The merged values of a whole tile; kTileCells bytes.
+  void read_merged(const TileKey& key, std::span<std::uint8_t> out) const;
+  // Tiles about which any robot said something.
+  std::set<TileKey> tiles() const;
 
   // Null when the robot said nothing about the tile.
   const RobotTile* robot_tile(std::uint16_t robot, const TileKey& key) const;

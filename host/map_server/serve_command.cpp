@@ -9,9 +9,12 @@
 #include <iomanip>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 
+#include "host/dashboard/live_page.h"
+#include "host/dashboard/live_state.h"
 #include "host/map_server/map_server.h"
 #include "host/map_server/run_database.h"
 #include "host/map_server/udp_listener.h"
@@ -93,11 +96,35 @@ void receive_all(UdpListener& listener, MapServer& server, TimeUs now_us) {
   }
 }
 
-void refuse_http(const std::string& address) {
-  if (address.empty()) return;
-  throw std::runtime_error("--http " + address +
-                           ": this version has no live page yet; leave the option out");
-}
+// The live page of a run: shows what the server holds, and passes on what people ask for.
+class LiveView {
+ public:
+  LiveView(const ServeOptions& options, const MapServer& server)
+      : state_(random_token()), page_(options.http, state_, random_token()) {
+    if (server.robot_count() > 0) state_.restore(options.database);
+  }
+  std::string link() const { return page_.url_with_token(); }
+
+  // Ten times a second, whatever the time scale.
+  void update(MapServer& server, TimeUs now_us) {
+    for (const PageCommand& command : page_.take_commands()) {
+      if (command.robot) {
+        server.send_command(*command.robot, command.code);
+      } else {
+        server.send_command_to_all(command.code);
+      }
+    }
+    const auto now = std::chrono::steady_clock::now();
+    if (now < next_) return;
+    next_ = now + std::chrono::milliseconds(100);
+    state_.update(server, now_us);
+  }
+
+ private:
+  LiveState state_;
+  LivePage page_;
+  std::chrono::steady_clock::time_point next_{};
+};
 
 }  // namespace
 
@@ -109,6 +136,11 @@ void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostr
   const MapServerConfig config;
   MapServer server(database, listener, epoch, config);
   out << "listening on " << listener.text() << ", writing " << options.database << std::endl;
+  std::optional<LiveView> view;
+  if (!options.http.empty()) {
+    view.emplace(options, server);
+    out << "live page " << view->link() << std::endl;
+  }
   const double period_ms = static_cast<double>(config.commit_period_us) / 2000.0;
   const int wait_ms = std::max(1, static_cast<int>(period_ms / options.time_scale));
   {
@@ -117,6 +149,7 @@ void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostr
       listener.wait(wait_ms);
       const TimeUs now_us = clock.now_us();
       receive_all(listener, server, now_us);
+      if (view) view->update(server, now_us);
       server.step(now_us);
       status.update(server, now_us);
     }
@@ -130,19 +163,18 @@ void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostr
 void add_serve_command(CLI::App& app, CommandAction& action) {
   CLI::App* command = app.add_subcommand("serve", "Merge the robots' maps and share them (UDP)");
   auto options = std::make_shared<ServeOptions>();
-  auto http = std::make_shared<std::string>();
   command->add_option("--listen", options->listen, "HOST:PORT for the robots; port 0: a free one")
       ->capture_default_str();
   command->add_option("--db", options->database, "run database; an existing one is continued")
       ->capture_default_str();
-  command->add_option("--http", *http, "HOST:PORT of the live page (not in this version)");
+  command->add_option("--http", options->http,
+                      "HOST:PORT of the live page, or PORT for this machine only");
   command->add_option("--time-scale", options->time_scale, "times faster than the wall clock")
       ->check(CLI::Range(0.01, 1000.0))
       ->capture_default_str();
-  command->footer("Example: ivfm serve --listen 0.0.0.0:7700 --db run.db");
-  command->callback([options, http, &action] {
-    action = [options, http] {
-      refuse_http(*http);
+  command->footer("Example: ivfm serve --listen 0.0.0.0:7700 --db run.db --http 8080");
+  command->callback([options, &action] {
+    action = [options] {
       std::signal(SIGINT, request_stop);
       std::signal(SIGTERM, request_stop);
       serve(*options, stop_requested, std::cout);

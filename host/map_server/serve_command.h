@@ -12,6 +12,7 @@ namespace ivfm::host {
 struct ServeOptions {
   std::string listen = "127.0.0.1:7700";  // HOST:PORT; port 0 takes a free one
   std::string database = "run.db";
+  std::string http;         // of the live page; empty: none
   double time_scale = 1.0;  // how many seconds pass for the server in one second
 };
 

@@ -60,7 +60,7 @@ class RunningServer {
   explicit RunningServer(const std::filesystem::path& database)
       : thread_([this, database] {
           std::ostream out(&output_);
-          serve({"127.0.0.1:0", database.string(), 1.0}, stop_, out);
+          serve({"127.0.0.1:0", database.string(), "", 1.0}, stop_, out);
         }) {
     const std::string line = output_.first_line();
     const std::string start = "listening on ";
@@ -147,7 +147,7 @@ TEST(Serve, SaysInOneSentenceWhyItCannotStart) {
     const std::atomic<bool> stop{true};
     std::ostringstream out;
     try {
-      serve({listen, database.string(), 1.0}, stop, out);
+      serve({listen, database.string(), "", 1.0}, stop, out);
     } catch (const std::exception& error) {
       return std::string(error.what());
     }

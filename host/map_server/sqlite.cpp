@@ -81,6 +81,17 @@ bool SqliteStatement::row() {
   return false;
 }
 
+int SqliteStatement::column_count() const { return sqlite3_column_count(statement_.get()); }
+
+std::string SqliteStatement::column_name(int column) const {
+  const char* name = sqlite3_column_name(statement_.get(), column);
+  return name == nullptr ? std::string() : name;
+}
+
+bool SqliteStatement::is_blob(int column) const {
+  return sqlite3_column_type(statement_.get(), column) == SQLITE_BLOB;
+}
+
 bool SqliteStatement::is_null(int column) const {
   return sqlite3_column_type(statement_.get(), column) == SQLITE_NULL;
 }

@@ -61,7 +61,10 @@ class SqliteStatement {
   // True when there is a (further) row to read; false ends, and makes ready for the next bind().
   bool row();
 
+  int column_count() const;
+  std::string column_name(int column) const;
   bool is_null(int column) const;
+  bool is_blob(int column) const;
   std::int64_t integer(int column) const;
   std::string text(int column) const;
   // Valid until the next row().
