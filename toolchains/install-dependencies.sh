@@ -14,6 +14,8 @@ packages=(
   fonts-dejavu-core libopencv-dev
   # Map server's run database
   libsqlite3-dev sqlite3
+  # Live page, and the browser that tests it
+  libcpp-httplib-dev chromium chromium-driver
   # Quantizer and training
   libeigen3-dev libtorch-dev
   # Tests and benchmarks; another project's CAN library to talk to ours
