@@ -24,17 +24,20 @@ MapLinkConfig link_config(const AgentConfig& config, const Explorer& explorer) {
 
 }  // namespace
 
-Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer)
+Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer,
+             std::span<SurfaceMap::Entry> surfaces)
     : config_(config),
       explorer_(explorer),
       clock_(ports.clock),
       lidar_(ports.lidar, config.lidar),
       wheels_(config.wheels, ports.can),
-      odometry_(config.wheels.geometry, config.wheels.max_wheel_um_s * 2),
+      localization_(config.localization, surfaces, config.wheels.geometry,
+                    config.wheels.max_wheel_um_s * 2),
       follower_(config.follower),
       supervisor_(config.supervisor),
       link_(explorer.map(), ports.radio, link_config(config, explorer)) {
-  odometry_.reset(config.start);
+  localization_.reset(config.start);
+  pose_ = config.start;
   explorer_.start(config.start);
   if (config.autostart) (void)supervisor_.request(RobotEvent::kExplore);  // remembered in kBoot
 }
@@ -55,22 +58,28 @@ void Agent::sense_wheels(TimeUs now_us) {
   const WheelDrive::Positions& positions = wheels_.positions();
   if (!positions.valid || positions.measured_us == positions_us_) return;
   positions_us_ = positions.measured_us;
-  if (ok(odometry_.update(positions.left, positions.right, positions.measured_us))) {
-    poses_.add(positions.measured_us, odometry_.pose());
-  }
+  (void)localization_.add_wheels(positions.left, positions.right, positions.measured_us);
+  pose_ = localization_.pose();
 }
 
-// RPLIDAR bytes -> scan -> occupancy and visits.
+// RPLIDAR bytes -> scan -> corrected pose -> occupancy and visits.
 void Agent::sense_surroundings(TimeUs now_us) {
   lidar_.start(now_us);
   (void)lidar_.step(now_us);  // a failing port shows as a stale lidar
   const Scan* scan = lidar_.take_scan();
-  if (scan == nullptr || poses_.empty()) return;
-  deskew(*scan, lidar_.scan_start_us(), lidar_.scan_end_us(), poses_, scan_);
-  pose_at_scan_ = poses_.at(lidar_.scan_end_us());
+  if (scan == nullptr || !localization_.ready()) return;
+  const TimeUs delay_us = std::min(config_.localization.scan_delay_us, lidar_.scan_start_us());
+  const TimeUs measured_us = lidar_.scan_end_us() - delay_us;
   scan_us_ = lidar_.scan_end_us();
+  localization_.deskew(*scan, lidar_.scan_start_us() - delay_us, measured_us, scan_);
+  if (config_.localization.matching) {
+    (void)localization_.correct(explorer_.map(), scan_, measured_us);
+    pose_ = localization_.pose();
+  }
+  pose_at_scan_ = localization_.pose_at(measured_us);
   has_scan_ = new_scan_ = true;
   const ViewStatistics seen = explorer_.fuse(pose_at_scan_, scan_);
+  if (config_.localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
   progress_.newly_seen_cells += seen.newly_seen_cells;
   ++progress_.scans_fused;
 }
@@ -82,7 +91,7 @@ void Agent::exchange_maps(TimeUs now_us) {
     share_map();
   }
   link_.set_status(status(now_us));
-  link_.step(now_us, odometry_.pose());
+  link_.step(now_us, pose_);
 }
 
 RobotStatus Agent::status(TimeUs now_us) const {
@@ -92,7 +101,7 @@ RobotStatus Agent::status(TimeUs now_us) const {
   status.goal = acting_ ? decision_.goal : explorer_.map().frame().cell_at(pose().position);
   status.uptime_ms = static_cast<std::uint32_t>((now_us - std::min(now_us, started_us_)) / 1000);
   status.actions = progress_.actions;
-  status.distance_mm = static_cast<std::uint32_t>(odometry_.travelled_um() / 1000);
+  status.distance_mm = static_cast<std::uint32_t>(odometry().travelled_um() / 1000);
   status.decision_us = decision_time_us_;
   return status;
 }
@@ -142,9 +151,8 @@ void Agent::choose_goal(TimeUs now_us) {
 
 void Agent::decide() {
   const TimeUs before = clock_.now_us();
-  decision_ = supervisor_.state() == RobotState::kReturning
-                  ? explorer_.select_return(odometry_.pose())
-                  : explorer_.decide(odometry_.pose(), network_);
+  decision_ = supervisor_.state() == RobotState::kReturning ? explorer_.select_return(pose_)
+                                                            : explorer_.decide(pose_, network_);
   link_.clip(explorer_.map().frame().window());  // the window may have rolled
   decision_time_us_ = static_cast<std::uint32_t>(clock_.now_us() - before);
 }
@@ -158,17 +166,17 @@ bool Agent::action_is_over() {
     return true;
   }
   if (!follower_.active()) return true;
-  const auto travelled = static_cast<std::int64_t>(odometry_.travelled_um() - action_start_um_);
+  const auto travelled = static_cast<std::int64_t>(odometry().travelled_um() - action_start_um_);
   if (travelled >= config_.max_action_travel_um) return true;
   if (!new_scan_) return false;
   new_scan_ = false;
-  return !explorer_.goal_is_still_good(odometry_.pose(), follower_.next_waypoint());
+  return !explorer_.goal_is_still_good(pose_, follower_.next_waypoint());
 }
 
 void Agent::begin_action(TimeUs now_us) {
   explorer_.begin_action();
   acting_ = ok(follower_.start(explorer_.path().points(), now_us));
-  action_start_um_ = odometry_.travelled_um();
+  action_start_um_ = odometry().travelled_um();
   stuck_ = false;
   held_for_us_ = 0;
   ++progress_.actions;
@@ -177,7 +185,7 @@ void Agent::begin_action(TimeUs now_us) {
 
 // Path -> v, omega -> gate -> wheels -> CAN.
 void Agent::drive(TimeUs now_us) {
-  const FollowStep wish = follower_.step(odometry_.pose(), commanded_, now_us);
+  const FollowStep wish = follower_.step(pose_, commanded_, now_us);
   stuck_ = stuck_ || wish.status == Status::kTimeout;
   commanded_ = supervisor_.gate(wish.velocity, supervisor_inputs(now_us), now_us);
   const bool held = supervisor_.reasons().has(StopReason::kObstacle);
@@ -200,7 +208,7 @@ SupervisorInputs Agent::supervisor_inputs(TimeUs now_us) const {
   inputs.stop_requested = stop_requested_;
   inputs.scan = has_scan_ ? &scan_ : nullptr;
   inputs.pose_at_scan = pose_at_scan_;
-  inputs.pose = odometry_.pose();
+  inputs.pose = pose_;
   inputs.measured = wheels_.measured_velocity();
   return inputs;
 }

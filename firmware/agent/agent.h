@@ -12,8 +12,7 @@
 #include "firmware/hal/serial_port.h"
 #include "firmware/lidar/rplidar_driver.h"
 #include "firmware/link/map_link.h"
-#include "firmware/localization/odometry.h"
-#include "firmware/localization/pose_history.h"
+#include "firmware/localization/localization.h"
 #include "firmware/nn/q_network.h"
 #include "firmware/planning/explorer.h"
 #include "firmware/supervisor/supervisor.h"
@@ -26,6 +25,7 @@ struct AgentConfig {
   ExplorerConfig explorer;
   RplidarConfig lidar;
   WheelDriveConfig wheels;
+  LocalizationConfig localization;
   FollowerConfig follower;
   SupervisorConfig supervisor;
   MapLinkConfig link;
@@ -55,8 +55,9 @@ struct AgentProgress {
 
 class Agent {
  public:
-  // `explorer` and the ports must outlive the agent.
-  Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer);
+  // `explorer`, `surfaces` (see SurfaceMap) and the ports must outlive the agent.
+  Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer,
+        std::span<SurfaceMap::Entry> surfaces);
 
   // Loads the policy; `model` must outlive the agent. Without one the agent explores the nearest
   // frontier.
@@ -76,13 +77,14 @@ class Agent {
   }
   bool map_is_shared() const { return link_.all_acknowledged(); }
 
-  const Pose& pose() const { return odometry_.pose(); }
+  const Pose& pose() const { return pose_; }
   RobotState state() const { return supervisor_.state(); }
   const Decision& decision() const { return decision_; }
   const AgentProgress& progress() const { return progress_; }
   const RplidarDriver& lidar() const { return lidar_; }
   const WheelDrive& wheels() const { return wheels_; }
-  const Odometry& odometry() const { return odometry_; }
+  const Odometry& odometry() const { return localization_.odometry(); }
+  const Localization& localization() const { return localization_; }
   const Supervisor& supervisor() const { return supervisor_; }
   const MapLink& link() const { return link_; }
   const Explorer& explorer() const { return explorer_; }
@@ -110,13 +112,13 @@ class Agent {
   Clock& clock_;
   RplidarDriver lidar_;
   WheelDrive wheels_;
-  Odometry odometry_;
-  PoseHistory poses_;
+  Localization localization_;
   QNetwork network_;
   PathFollower follower_;
   Supervisor supervisor_;
   MapLink link_;
 
+  Pose pose_;    // in the map, as of the last measurement
   Scan scan_{};  // the last revolution, corrected for motion
   bool has_scan_ = false;
   TimeUs scan_us_ = 0;
@@ -147,11 +149,14 @@ struct ExplorerMember {
 
 // The agent with all its memory. Its size is a constant of the profile.
 template <typename Profile>
-class AgentFor : private ExplorerMember<Profile>, public Agent {
+class AgentFor : private ExplorerMember<Profile>,
+                 private SurfaceStorage<Profile::kSurfaceCells>,
+                 public Agent {
  public:
   AgentFor(const AgentConfig& config, const AgentPorts& ports)
       : ExplorerMember<Profile>(config.explorer),
-        Agent(config, ports, ExplorerMember<Profile>::explorer_memory) {}
+        Agent(config, ports, ExplorerMember<Profile>::explorer_memory,
+              SurfaceStorage<Profile::kSurfaceCells>::surface_entries) {}
   AgentFor(const AgentFor&) = delete;
   AgentFor& operator=(const AgentFor&) = delete;
 };

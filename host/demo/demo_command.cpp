@@ -83,9 +83,9 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
   command->add_option("--visit-range", options->visit_range_m, "metres within which a cell is seen")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 12.0));
-  command->add_option("--odometry-noise", options->odometry_noise, "none or mild")
+  command->add_option("--odometry-noise", options->odometry_noise, "none, mild, turtlebot or harsh")
       ->capture_default_str()
-      ->check(CLI::IsMember({"none", "mild"}));
+      ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));
   command->add_option("--fault", options->faults,
                       "as of ivfm sim, such as lidar-silence@12s+3s; repeatable");
   command->footer("Example: ivfm demo --robots 2 --world corridor --out out/demo");

@@ -15,7 +15,14 @@ OdometryNoise OdometryNoise::preset(const std::string& name) {
   if (name == "mild") {
     return {.radius_error = 0.0001, .wheel_base_error = 0.001, .slip_m_per_sqrt_m = 0.0005};
   }
-  throw std::invalid_argument("odometry noise '" + name + "' is unknown: use none or mild");
+  if (name == "turtlebot") {
+    return {.radius_error = 0.0005, .wheel_base_error = 0.01, .slip_m_per_sqrt_m = 0.0015};
+  }
+  if (name == "harsh") {
+    return {.radius_error = 0.002, .wheel_base_error = 0.03, .slip_m_per_sqrt_m = 0.004};
+  }
+  throw std::invalid_argument("odometry noise '" + name +
+                              "' is unknown: use none, mild, turtlebot or harsh");
 }
 
 RobotBody::RobotBody(const BodyShape& shape, const TruePose& start, const OdometryNoise& noise,

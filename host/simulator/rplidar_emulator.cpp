@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <random>
 #include <string>
 #include <utility>
@@ -328,6 +329,7 @@ void RplidarEmulator::emit_samples(TimeUs now_us) {
   if (now_us > next_sample_us_ + kMaxBacklogUs) next_sample_us_ = now_us - kMaxBacklogUs;
   for (; next_sample_us_ <= now_us; next_sample_us_ += sample_us(), ++index_) {
     if (index_ >= revolution_.size()) begin_revolution(next_sample_us_);
+    if (beam_source_ && index_ >= measured_) measure_due_beams(now_us);
     RplidarSample sample = revolution_[index_];
     sample.starts_revolution = index_ == 0;
     ++counters_.samples;
@@ -358,13 +360,30 @@ void RplidarEmulator::fill_from_source(TimeUs start_us) {
     revolution_[i].angle_q6 = wrap_q6(raw_angle_q6(i, count) - lag_q6);
     beams[i].bearing = bearing_of_q6(revolution_[i].angle_q6);
   }
+  measured_ = count;
+  if (beam_source_) {
+    beams_ = std::move(beams);
+    measured_ = 0;
+    return;
+  }
   if (source_) source_(start_us, beams);
   for (std::size_t i = 0; i < count; ++i) {
     revolution_[i] = to_sample(beams[i], revolution_[i].angle_q6, config_.max_range_mm);
   }
 }
 
+void RplidarEmulator::measure_due_beams(TimeUs now_us) {
+  const auto due = static_cast<std::size_t>((now_us - next_sample_us_) / sample_us()) + 1;
+  const std::size_t end = std::min(index_ + due, beams_.size());
+  beam_source_(now_us, std::span(beams_).subspan(index_, end - index_));
+  for (measured_ = index_; measured_ < end; ++measured_) {
+    revolution_[measured_] =
+        to_sample(beams_[measured_], revolution_[measured_].angle_q6, config_.max_range_mm);
+  }
+}
+
 void RplidarEmulator::fill_from_points() {
+  measured_ = std::numeric_limits<std::size_t>::max();
   if (mode_ == Mode::kStandard && !fixed_points_.empty()) {
     revolution_ = fixed_points_;
     return;

@@ -46,6 +46,10 @@ class RplidarEmulator {
 
   // Asked at the beginning of each revolution.
   void set_source(RevolutionSource source) { source_ = std::move(source); }
+  // Instead of the above: asked for some beams after the other, each as late as it is due, so that
+  // the source can measure them from where the robot is now. `now_us` is the time of the last one.
+  using BeamSource = std::function<void(TimeUs now_us, std::span<ScanPoint> beams)>;
+  void set_beam_source(BeamSource source) { beam_source_ = std::move(source); }
   // The points to send from the next revolution on, instead of asking a source. A standard scan
   // sends each point once, at its own angle, however many they are; an express scan sends its
   // usual number of samples, each the point next to it, if one is near enough.
@@ -96,12 +100,16 @@ class RplidarEmulator {
   void begin_revolution(TimeUs start_us);
   void fill_from_source(TimeUs start_us);
   void fill_from_points();
+  void measure_due_beams(TimeUs now_us);
   void emit_node(const RplidarSample& sample);
   void add_to_capsule(const RplidarSample& sample, std::int32_t raw_q6);
   void emit_capsule();
 
   RplidarEmulatorConfig config_;
   RevolutionSource source_;
+  BeamSource beam_source_;
+  std::vector<ScanPoint> beams_;             // of this revolution, for beam_source_
+  std::size_t measured_ = 0;                 // so many of them are
   std::vector<RplidarSample> fixed_points_;  // clockwise; used when has_points_
   bool has_points_ = false;
 

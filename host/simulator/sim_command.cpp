@@ -260,9 +260,9 @@ void add_sim_command(CLI::App& app, CommandAction& action) {
       ->check(CLI::Range(0.1, 50.0));
   command->add_option("--duration", options->duration_s, "simulated seconds, then end [endless]")
       ->check(CLI::PositiveNumber);
-  command->add_option("--odometry-noise", options->odometry_noise, "none or mild")
+  command->add_option("--odometry-noise", options->odometry_noise, "none, mild, turtlebot or harsh")
       ->capture_default_str()
-      ->check(CLI::IsMember({"none", "mild"}));
+      ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));
   command->add_option("--lidar-noise", options->lidar_noise, "none or mild")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "mild"}));

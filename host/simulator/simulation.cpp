@@ -53,8 +53,8 @@ SimulatedRobot::SimulatedRobot(int number, const PreparedWorld& world,
       drives_(bus_, {&left_, &right_}),
       metres_per_count_(config.wheels.wheel_circumference_um / 1e6 / config.wheels.counts_per_turn),
       fault_begun_(config.faults.size(), false) {
-  terminal_.emulator().set_source(
-      [this](TimeUs, std::span<ScanPoint> beams) { measure_revolution(beams); });
+  terminal_.emulator().set_beam_source(
+      [this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
 }
 
 void SimulatedRobot::step(TimeUs now_us, std::span<const TruePose> others) {
@@ -70,13 +70,7 @@ void SimulatedRobot::roll_wheels(std::span<const TruePose> others) {
   const double right_m = (right_.ground_position() - right_counts_) * metres_per_count_;
   left_counts_ = left_.ground_position();
   right_counts_ = right_.ground_position();
-  const TruePose before = body_.pose();
   body_.roll(left_m, right_m, world_, others);
-  const double dx = body_.pose().x_m - before.x_m, dy = body_.pose().y_m - before.y_m;
-  const double seconds = Simulation::kTickUs / 1e6;
-  const double heading = before.heading_rad;
-  speed_m_s_ = (dx * std::cos(heading) + dy * std::sin(heading)) / seconds;
-  turn_rad_s_ = std::remainder(body_.pose().heading_rad - heading, 2 * M_PI) / seconds;
 }
 
 void SimulatedRobot::apply_faults(TimeUs now_us) {
@@ -106,22 +100,13 @@ void SimulatedRobot::apply_faults(TimeUs now_us) {
   bus_.set_loss(loss);
 }
 
-// The beams of a revolution are asked for when it begins. Each is cast from where the robot will be
-// at its moment if it keeps the speed of the last step.
-void SimulatedRobot::measure_revolution(std::span<ScanPoint> beams) {
-  const double revolution_s = 1 / config_.rplidar.rotation_hz;
-  for (std::size_t i = 0; i < beams.size(); ++i) {
-    const double t = revolution_s * static_cast<double>(i) / static_cast<double>(beams.size());
-    TruePose pose = body_.pose();
-    const double half_turn = turn_rad_s_ * t / 2;
-    pose.x_m += speed_m_s_ * t * std::cos(pose.heading_rad + half_turn);
-    pose.y_m += speed_m_s_ * t * std::sin(pose.heading_rad + half_turn);
-    pose.heading_rad += 2 * half_turn;
+void SimulatedRobot::measure(std::span<ScanPoint> beams) {
+  for (ScanPoint& beam : beams) {
     const LidarSample sample =
-        rays_.measure(pose, beams[i].bearing.radians(), others_, body_.shape().radius_m);
-    beams[i].range_mm = sample.range_mm;
-    beams[i].quality = sample.quality;
-    beams[i].echo = sample.range_mm > 0 ? Echo::kHit : Echo::kNothing;
+        rays_.measure(body_.pose(), beam.bearing.radians(), others_, body_.shape().radius_m);
+    beam.range_mm = sample.range_mm;
+    beam.quality = sample.quality;
+    beam.echo = sample.range_mm > 0 ? Echo::kHit : Echo::kNothing;
   }
 }
 

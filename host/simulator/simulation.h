@@ -65,7 +65,7 @@ class SimulatedRobot {
  private:
   void apply_faults(TimeUs now_us);
   void roll_wheels(std::span<const TruePose> others);
-  void measure_revolution(std::span<ScanPoint> beams);
+  void measure(std::span<ScanPoint> beams);
 
   int number_;
   const World& world_;
@@ -78,7 +78,6 @@ class SimulatedRobot {
   DriveGroup drives_;
   double metres_per_count_;
   double left_counts_ = 0, right_counts_ = 0;
-  double speed_m_s_ = 0, turn_rad_s_ = 0;  // of the last step, to move beams along
   TimeUs next_garbage_us_ = 0;
   std::vector<bool> fault_begun_;
   std::vector<TruePose> others_;

@@ -21,11 +21,12 @@ using NumberMember = double AgentOptions::*;
 using IntegerMember = std::int64_t AgentOptions::*;
 using SwitchMember = bool AgentOptions::*;
 using ProfileMember = ProfileChoice AgentOptions::*;
+using LocalizationMember = LocalizationChoice AgentOptions::*;
 using TelemetryMember = TelemetryFormat AgentOptions::*;
 struct StartPose {};
 
 using Member = std::variant<TextMember, NumberMember, IntegerMember, SwitchMember, ProfileMember,
-                            TelemetryMember, StartPose>;
+                            LocalizationMember, TelemetryMember, StartPose>;
 
 // One option: its name in the file and, after "--", on the command line. `low`, `high` bound
 // numbers.
@@ -45,6 +46,8 @@ const std::array kOptions{
     Option{"key", &AgentOptions::key, "File with this robot's radio key"},
     Option{"model", &AgentOptions::model, "Quantized policy; without it: nearest unexplored place"},
     Option{"profile", &AgentOptions::profile, "Map size and resolution: paper, robot or mcu"},
+    Option{"localization", &AgentOptions::localization,
+           "odometry, or matching: scans against the map correct it"},
     Option{"start", StartPose{}, "Pose at start-up: X,Y,HEADING in metres and degrees"},
     Option{"return-home", &AgentOptions::return_home, "Drive back to the start when done"},
     Option{"time-scale", &AgentOptions::time_scale, "Run the clock this many times faster", 0.1,
@@ -90,6 +93,12 @@ ProfileChoice to_profile(const std::string& text, const Place& place) {
   if (text == "robot") return ProfileChoice::kRobot;
   if (text == "mcu") return ProfileChoice::kMcu;
   place.fail("'" + text + "' is no profile; right is paper, robot or mcu");
+}
+
+LocalizationChoice to_localization(const std::string& text, const Place& place) {
+  if (text == "odometry") return LocalizationChoice::kOdometry;
+  if (text == "matching") return LocalizationChoice::kMatching;
+  place.fail("'" + text + "' is no localization; right is odometry or matching");
 }
 
 TelemetryFormat to_telemetry(const std::string& text, const Place& place) {
@@ -147,6 +156,9 @@ void set_from_node(AgentOptions& options, const Option& option, const toml::node
           [&](SwitchMember m) { options.*m = typed<bool>(node, "true or false", place); },
           [&](ProfileMember m) {
             options.*m = to_profile(typed<std::string>(node, "a string", place), place);
+          },
+          [&](LocalizationMember m) {
+            options.*m = to_localization(typed<std::string>(node, "a string", place), place);
           },
           [&](TelemetryMember m) {
             options.*m = to_telemetry(typed<std::string>(node, "a string", place), place);
@@ -231,6 +243,7 @@ void set_from_text(AgentOptions& options, const Option& option, const std::strin
                           options.*m = text == "true";
                         },
                         [&](ProfileMember m) { options.*m = to_profile(text, place); },
+                        [&](LocalizationMember m) { options.*m = to_localization(text, place); },
                         [&](TelemetryMember m) { options.*m = to_telemetry(text, place); },
                         [&](StartPose) { set_start(options, to_pose(text, place), place); }},
              option.member);

@@ -9,6 +9,7 @@
 namespace ivfm {
 
 enum class ProfileChoice : std::uint8_t { kPaper, kRobot, kMcu };
+enum class LocalizationChoice : std::uint8_t { kOdometry, kMatching };
 enum class TelemetryFormat : std::uint8_t { kLine, kJson, kOff };
 
 // Every member is a key of the file and, with the same name, a flag (agent_options.cpp lists them).
@@ -20,6 +21,7 @@ struct AgentOptions {
   std::string key;    // file with this robot's radio key
   std::string model;  // quantized Q-network; empty: goes to the nearest unexplored place instead
   ProfileChoice profile = ProfileChoice::kRobot;
+  LocalizationChoice localization = LocalizationChoice::kOdometry;
   double start_x_m = 0;  // pose in the map at start-up
   double start_y_m = 0;
   double start_heading_deg = 0;

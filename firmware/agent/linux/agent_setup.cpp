@@ -67,6 +67,7 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
   config.supervisor.max_turn_mrad_s = config.follower.max_turn_mrad_s;
   config.link.robot = static_cast<std::uint16_t>(options.robot_id);
   config.link.epoch = epoch;
+  config.localization.matching = options.localization == LocalizationChoice::kMatching;
   config.start = {{to_um(options.start_x_m), to_um(options.start_y_m)},
                   BinaryAngle::from_degrees(options.start_heading_deg)};
   config.max_action_travel_um = to_um(options.visit_range_m / 2);

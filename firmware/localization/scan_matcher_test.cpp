@@ -1,0 +1,183 @@
+#include "firmware/localization/scan_matcher.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/mapping/scan_fusion.h"
+
+namespace ivfm {
+namespace {
+
+constexpr std::int32_t kCellUm = 50'000;
+constexpr std::int32_t kWindowCells = 256;
+
+struct Wall {
+  double x0, y0, x1, y1;  // metres
+};
+
+// 5 m by 4 m with a box in it: every direction has its walls.
+const std::vector<Wall> kRoom{{-2, -1.5, 3, -1.5}, {3, -1.5, 3, 2.5},  {3, 2.5, -2, 2.5},
+                              {-2, 2.5, -2, -1.5}, {1, 0.8, 1.7, 0.8}, {1, 0.8, 1, 1.6}};
+// Two walls without an end in sight.
+const std::vector<Wall> kCorridor{{-50, -1.02, 50, -1.02}, {-50, 0.91, 50, 0.91}};
+
+// Distance along the ray to the nearest wall, 0 when there is none within 12 m.
+double cast_m(const std::vector<Wall>& walls, double x, double y, double angle) {
+  double nearest = 12;
+  const double c = std::cos(angle), s = std::sin(angle);
+  for (const Wall& w : walls) {
+    const double ex = w.x1 - w.x0, ey = w.y1 - w.y0;
+    const double cross = c * ey - s * ex;
+    if (std::abs(cross) < 1e-12) continue;
+    const double along = ((w.x0 - x) * ey - (w.y0 - y) * ex) / cross;
+    const double part = ((w.x0 - x) * s - (w.y0 - y) * c) / cross;
+    if (along > 0 && along < nearest && part >= 0 && part <= 1) nearest = along;
+  }
+  return nearest < 12 ? nearest : 0;
+}
+
+class ScanMatcherTest : public testing::Test {
+ protected:
+  // One revolution of 400 beams from `pose`; `wrong_percent` of them end anywhere.
+  const Scan& scan_from(const std::vector<Wall>& walls, const Pose& pose, int wrong_percent = 0) {
+    scan_.clear();
+    for (int i = 0; i < 400; ++i) {
+      const BinaryAngle bearing(static_cast<std::uint16_t>(i * 65536 / 400));
+      double range_m = cast_m(walls, pose.position.x_um * 1e-6, pose.position.y_um * 1e-6,
+                              (pose.heading + bearing).radians());
+      range_m += range_m > 0 ? (random(21) - 10) * 1e-3 : 0;  // 6 mm of noise
+      if (random(100) < wrong_percent) range_m = 0.2 + random(5000) * 1e-3;
+      const auto range_mm = static_cast<std::uint16_t>(std::lround(range_m * 1000));
+      (void)scan_.push({bearing, range_mm, range_mm > 0 ? Echo::kHit : Echo::kNothing, 40});
+    }
+    return scan_;
+  }
+  // What a robot that moves a little around `pose` has drawn of its surroundings.
+  void draw(const std::vector<Wall>& walls, const Pose& pose) {
+    map_.clear(map_.frame().cell_at(pose.position));
+    surfaces_.clear();
+    for (int i = 0; i < 12; ++i) {
+      Pose here = pose;
+      here.position.x_um += (i % 4) * 20'000;
+      here.position.y_um += (i / 4) * 20'000;
+      const Scan& scan = scan_from(walls, here);
+      fusion_.fuse(map_, here, scan, false);
+      surfaces_.learn(map_, here, scan, 6'000'000);
+    }
+  }
+  ScanMatch match(const Pose& predicted, const Scan& scan) {
+    return matcher_.match(map_, surfaces_, predicted, scan);
+  }
+  static Pose shifted(Pose pose, std::int32_t x_um, std::int32_t y_um, double degrees) {
+    pose.position.x_um += x_um;
+    pose.position.y_um += y_um;
+    pose.heading = pose.heading + BinaryAngle::from_degrees(degrees);
+    return pose;
+  }
+  static void expect_found(const Pose& found, const Pose& truth) {
+    EXPECT_NEAR(found.position.x_um, truth.position.x_um, kCellUm / 4);
+    EXPECT_NEAR(found.position.y_um, truth.position.y_um, kCellUm / 4);
+    EXPECT_NEAR((found.heading - truth.heading).degrees(), 0, 0.2);
+  }
+  int random(int below) {
+    seed_ = seed_ * 1664525u + 1013904223u;
+    return static_cast<int>((seed_ >> 8) % static_cast<std::uint32_t>(below));
+  }
+
+  std::unique_ptr<MapStorage<kWindowCells>> cells_ = std::make_unique<MapStorage<kWindowCells>>();
+  std::unique_ptr<SurfaceStorage<2048>> surface_cells_ = std::make_unique<SurfaceStorage<2048>>();
+  ExplorationMap map_{cells_->layers(), kCellUm, kWindowCells, 100'000};
+  ScanFusion fusion_{FusionConfig{}};
+  SurfaceMap surfaces_{surface_cells_->surface_entries};
+  ScanMatcher matcher_{MatcherConfig{}};
+  Scan scan_;
+  std::uint32_t seed_ = 1;
+};
+
+TEST_F(ScanMatcherTest, FindsKnownOffsetsWithinAQuarterCellAndAFifthOfADegree) {
+  const Pose truth{{120'000, 330'000}, BinaryAngle::from_degrees(31)};
+  draw(kRoom, truth);
+  const Scan& scan = scan_from(kRoom, truth);
+  for (const std::int32_t x_um : {-80'000, 0, 33'000}) {
+    for (const std::int32_t y_um : {-57'000, 90'000}) {
+      for (const double degrees : {-2.5, 0.0, 1.3}) {
+        const ScanMatch found = match(shifted(truth, x_um, y_um, degrees), scan);
+        ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
+        expect_found(found.pose, truth);
+      }
+    }
+  }
+}
+
+TEST_F(ScanMatcherTest, IsCertainInEveryDirectionInARoom) {
+  const Pose truth{{120'000, 330'000}, BinaryAngle::from_degrees(31)};
+  draw(kRoom, truth);
+  const Pose predicted = shifted(truth, 60'000, -60'000, 1);
+  const ScanMatch found = match(predicted, scan_from(kRoom, truth));
+  EXPECT_GT(found.certainty.across_q10, 700);
+  EXPECT_GT(found.certainty.heading_q10, 900);
+  const Pose blended = blend(predicted, found);
+  EXPECT_NEAR(blended.position.x_um, truth.position.x_um, 25'000);
+  EXPECT_NEAR(blended.position.y_um, truth.position.y_um, 25'000);
+}
+
+TEST_F(ScanMatcherTest, ABareCorridorSaysNothingAlongItself) {
+  const Pose truth{{0, 0}, BinaryAngle::from_degrees(-12)};
+  draw(kCorridor, truth);
+  const Pose predicted = shifted(truth, 60'000, 60'000, 1);
+  const ScanMatch found = match(predicted, scan_from(kCorridor, truth));
+  ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
+  EXPECT_LT(found.certainty.across_q10, 60);
+  EXPECT_GT(found.certainty.along_q10, 800);
+  EXPECT_NEAR(std::abs(found.certainty.axis.degrees()), 90, 3) << "only across the corridor";
+  const Pose blended = blend(predicted, found);
+  EXPECT_NEAR(blended.position.x_um, predicted.position.x_um, 6'000) << "odometry rules along it";
+  EXPECT_NEAR(blended.position.y_um, truth.position.y_um, 15'000);
+  EXPECT_NEAR((blended.heading - truth.heading).degrees(), 0, 0.3);
+}
+
+TEST_F(ScanMatcherTest, AThirdOfWrongPointsDoesNotMislead) {
+  const Pose truth{{120'000, 330'000}, BinaryAngle::from_degrees(31)};
+  draw(kRoom, truth);
+  const ScanMatch found = match(shifted(truth, 50'000, -70'000, -1.5), scan_from(kRoom, truth, 33));
+  ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
+  EXPECT_NEAR(found.pose.position.x_um, truth.position.x_um, kCellUm / 4);
+  EXPECT_NEAR(found.pose.position.y_um, truth.position.y_um, kCellUm / 4);
+  EXPECT_NEAR((found.pose.heading - truth.heading).degrees(), 0, 0.5);
+}
+
+TEST_F(ScanMatcherTest, AKidnappedRobotGetsNoWrongPose) {
+  const Pose drawn{{120'000, 330'000}, BinaryAngle::from_degrees(31)};
+  draw(kRoom, drawn);
+  const Pose now = shifted(drawn, 1'300'000, -900'000, 70);
+  EXPECT_EQ(match(drawn, scan_from(kRoom, now)).outcome, MatchOutcome::kPoorFit);
+}
+
+TEST_F(ScanMatcherTest, AnEmptyMapOrAnEmptyScanDecidesNothing) {
+  const Pose pose{{0, 0}, BinaryAngle()};
+  EXPECT_EQ(match(pose, scan_from(kRoom, pose)).outcome, MatchOutcome::kUnknownPlace);
+  EXPECT_EQ(match(pose, Scan{}).outcome, MatchOutcome::kTooFewPoints);
+}
+
+TEST(SurfaceMap, RemembersTheMeanOfTheHitsInACell) {
+  const auto cells = std::make_unique<MapStorage<64>>();
+  ExplorationMap map(cells->layers(), kCellUm, 64, 100'000);
+  map.add_evidence({20, 0}, occupancy::kHit);
+  const auto memory = std::make_unique<SurfaceStorage<64>>();
+  SurfaceMap surfaces(memory->surface_entries);
+  Scan scan;
+  (void)scan.push({BinaryAngle(), 1'010, Echo::kHit, 40});  // 1.01 m + 6.25 mm: 0.325 of the cell
+  (void)scan.push({BinaryAngle(), 1'030, Echo::kHit, 40});  // 0.725
+  surfaces.learn(map, {}, scan, 6'000'000);
+  EXPECT_NEAR(surfaces.mean({20, 0}).x, 0.525 * 256, 1);
+  EXPECT_EQ(surfaces.mean({20, 0}).y, 0);
+  EXPECT_EQ(surfaces.mean({21, 0}).x, 128) << "the middle of a cell without hits";
+}
+
+}  // namespace
+}  // namespace ivfm
