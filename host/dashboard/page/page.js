@@ -100,7 +100,7 @@ function showRobots() {
     const cells = rowOf(robot).cells;
     const age = model.linkAgeS(robot);
     setText(cells[0].firstChild.lastChild, nameOf(robot));
-    setText(cells[1], robot.state === 'fault' ? `fault ${robot.fault}` : robot.state ?? 'unknown');
+    setText(cells[1], robot.state === 'fault' && robot.fault ? `fault ${robot.fault}` : robot.state ?? 'unknown');
     setText(cells[2], `${age.toFixed(1)} s`);
     setText(cells[3], `${(robot.distance_m ?? 0).toFixed(1)} m`);
     setText(cells[4], String(robot.actions ?? 0));
