@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "host/cli/shipped_model.h"
 #include "host/simulator/map_file.h"
 
 namespace ivfm::host {
@@ -50,22 +51,6 @@ fs::path find_agent(const fs::path& given) {
                              " nor in its build folder: build it, or give --agent PATH");
   }
   return *found;
-}
-
-// The first model in the folder `models` of the source tree, in the order of their names.
-fs::path find_model(const fs::path& given) {
-  if (!given.empty()) return given;
-  for (fs::path folder = own_path().parent_path();; folder = folder.parent_path()) {
-    std::set<fs::path> models;
-    std::error_code none;
-    for (const auto& entry : fs::directory_iterator(folder / "models", none)) {
-      if (entry.path().extension() == ".ivfm") models.insert(entry.path());
-    }
-    if (!models.empty()) return *models.begin();
-    if (folder == folder.parent_path()) break;
-  }
-  throw std::runtime_error("no folder above " + own_path().string() +
-                           " has models/*.ivfm: give --model FILE, or --policy frontier-nearest");
 }
 
 std::vector<Trajectory> trajectories_of(const std::vector<TruthRow>& truth) {
@@ -188,7 +173,8 @@ FleetOptions DemoRun::fleet_options() const {
                            "--wheel-base",   text_of("%.9g", world_.body.wheel_base_m)};
   if (options_.policy == "qnet") {
     fleet.agent_arguments.emplace_back("--model");
-    fleet.agent_arguments.emplace_back(find_model(options_.model));
+    fleet.agent_arguments.emplace_back(options_.model.empty() ? shipped_model(".ivfm")
+                                                              : options_.model);
   }
   return fleet;
 }

@@ -13,6 +13,7 @@
 #include <string>
 #include <thread>
 
+#include "host/cli/shipped_model.h"
 #include "host/evaluation/evaluator.h"
 #include "host/evaluation/policies/exploration_policy.h"
 #include "host/evaluation/report.h"
@@ -32,19 +33,6 @@ struct EvalOptions {
   bool json = false;
   bool no_timing = false;
 };
-
-// The shipped model of `policy`, looked for upwards from the program and the working folder.
-fs::path shipped_model(const std::string& policy) {
-  const fs::path name = policy == "qnet" ? "models/demo.ivfm" : "models/demo.fnet";
-  std::error_code ignored;
-  for (fs::path from : {fs::current_path(ignored), fs::read_symlink("/proc/self/exe", ignored)}) {
-    for (; !from.empty(); from = from.parent_path()) {
-      if (fs::exists(from / name)) return from / name;
-      if (from == from.root_path()) break;
-    }
-  }
-  throw std::runtime_error("there is no " + name.string() + ": give --model FILE");
-}
 
 // A line on a terminal's stderr that shows how far the evaluation is.
 class ProgressLine {
@@ -75,7 +63,9 @@ int run_eval(EvalOptions& options) {
   if (!options.start.empty()) options.world.start = parse_pose(options.start);
   request.world = make_world(options.world);
   const bool needs_model = request.policy == "qnet" || request.policy == "qnet-float";
-  if (needs_model && request.model.empty()) request.model = shipped_model(request.policy);
+  if (needs_model && request.model.empty()) {
+    request.model = shipped_model(request.policy == "qnet" ? ".ivfm" : ".fnet").string();
+  }
   make_policy(request.policy, request.world.config, request.model);  // complains early
   std::ofstream csv;
   if (!options.episodes_out.empty()) {
