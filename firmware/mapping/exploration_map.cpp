@@ -241,27 +241,6 @@ Status ExplorationMap::write_peers(Layer layer, const CellRect& rect,
   return Status::kOk;
 }
 
-Status ExplorationMap::restore_own(Layer layer, const CellRect& rect,
-                                   std::span<const std::uint8_t> cells) {
-  if (static_cast<std::int64_t>(cells.size()) != rect.area()) return Status::kInvalidArgument;
-  const CellRect inside = rect.intersection(frame_.window());
-  known_ = known_.united(inside);
-  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
-    for (std::int32_t x = inside.x; x < inside.right(); ++x) {
-      const std::uint8_t value =
-          cells[static_cast<std::size_t>(y - rect.y) * static_cast<std::size_t>(rect.width) +
-                static_cast<std::size_t>(x - rect.x)];
-      const std::size_t i = frame_.index_of({x, y});
-      if (layer == Layer::kVisits) {
-        layers_.own_visits[i] = std::max(layers_.own_visits[i], value);
-      } else if (value != 0 && layers_.occupancy[i] == occupancy::kUnknown) {
-        add_evidence({x, y}, occupancy::kHit);
-      }
-    }
-  }
-  return Status::kOk;
-}
-
 void ExplorationMap::copy_from(const ExplorationMap& other) {
   assert(frame_.width() == other.frame_.width());
   std::ranges::copy(other.layers_.occupancy, layers_.occupancy.begin());

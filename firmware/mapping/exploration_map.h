@@ -111,8 +111,6 @@ class ExplorationMap final : public SharedMap {
   Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const override;
   Status write_peers(Layer layer, const CellRect& rect,
                      std::span<const std::uint8_t> cells) override;
-  // Replaces own cells (a restarted robot that recovers its counts). Codes as write_peers.
-  Status restore_own(Layer layer, const CellRect& rect, std::span<const std::uint8_t> cells);
 
   // Takes over another map's contents; both must have the same window size and cell size.
   void copy_from(const ExplorationMap& other);
