@@ -120,17 +120,22 @@ double Learner::descend(const torch::Tensor& loss) {
   return loss.item<double>();
 }
 
-std::vector<float> Learner::q_values(std::span<const Observation* const> observations) {
+std::vector<float> Learner::values_of(TorchNetwork& network,
+                                      std::span<const Observation* const> observations) const {
   const torch::NoGradGuard no_gradient;
   std::vector<const State*> states;
   for (const Observation* observation : observations) states.push_back(&observation->state);
   const torch::Tensor q =
-      online_->forward(online_->to_tensor(states).to(device_)).to(torch::kCPU).contiguous();
+      network.forward(network.to_tensor(states).to(device_)).to(torch::kCPU).contiguous();
   return {q.data_ptr<float>(), q.data_ptr<float>() + q.numel()};
 }
 
+std::vector<float> Learner::q_values(std::span<const Observation* const> observations) {
+  return values_of(*online_, observations);
+}
+
 std::vector<int> Learner::best_actions(std::span<const Observation* const> observations) {
-  const std::vector<float> q = q_values(observations);
+  const std::vector<float> q = values_of(*target_, observations);
   std::vector<int> best(observations.size(), -1);
   for (std::size_t i = 0; i < observations.size(); ++i)
     for (int a = 0; a < kActions; ++a) {

@@ -26,13 +26,15 @@ class Learner {
 
   // Q values of the online network: kActions per observation.
   std::vector<float> q_values(std::span<const Observation* const> observations);
-  // The best reachable action of each observation; -1 where none is reachable.
+  // The best reachable action of each observation by the target network, whose weights are a moving
+  // average and choose better than the latest ones; -1 where none is reachable.
   std::vector<int> best_actions(std::span<const Observation* const> observations);
 
   void set_learning_rate(double rate);
   void copy_to_target() { target_->follow(*online_, 1.0); }
   void load_weights(const FloatNetwork& network);
-  FloatNetwork to_float_network() const { return online_->to_float_network(); }
+  // The target network.
+  FloatNetwork to_float_network() const { return target_->to_float_network(); }
   torch::Device device() const { return device_; }
 
   // Weights of both networks and the optimizer's moments.
@@ -43,6 +45,8 @@ class Learner {
   struct Batch;
 
   void add(const ReplayBuffer& replay, ResumableRandom& random, Batch& batch) const;
+  std::vector<float> values_of(TorchNetwork& network,
+                               std::span<const Observation* const> observations) const;
   double descend(const torch::Tensor& loss);
   torch::Tensor forward(TorchNetwork& network, const std::vector<State>& states);
   torch::Tensor next_values(const std::vector<State>& states, const std::vector<ActionMask>& masks);
