@@ -68,18 +68,20 @@ void Agent::sense_surroundings(TimeUs now_us) {
   (void)lidar_.step(now_us);  // a failing port shows as a stale lidar
   const Scan* scan = lidar_.take_scan();
   if (scan == nullptr || !localization_.ready()) return;
-  const TimeUs delay_us = std::min(config_.localization.scan_delay_us, lidar_.scan_start_us());
+  const LocalizationConfig& localization = config_.localization;
+  const TimeUs delay_us =
+      localization.matching ? std::min(localization.scan_delay_us, lidar_.scan_start_us()) : 0;
   const TimeUs measured_us = lidar_.scan_end_us() - delay_us;
   scan_us_ = lidar_.scan_end_us();
   localization_.deskew(*scan, lidar_.scan_start_us() - delay_us, measured_us, scan_);
-  if (config_.localization.matching) {
+  if (localization.matching) {
     (void)localization_.correct(explorer_.map(), scan_, measured_us);
     pose_ = localization_.pose();
   }
   pose_at_scan_ = localization_.pose_at(measured_us);
   has_scan_ = new_scan_ = true;
   const ViewStatistics seen = explorer_.fuse(pose_at_scan_, scan_);
-  if (config_.localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
+  if (localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
   progress_.newly_seen_cells += seen.newly_seen_cells;
   ++progress_.scans_fused;
 }

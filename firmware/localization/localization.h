@@ -11,8 +11,8 @@ namespace ivfm {
 
 struct LocalizationConfig {
   bool matching = false;  // false: odometry alone
-  // From a beam to its arrival: an RPLIDAR sends 32 of them (8 ms) at once, their angles are known
-  // when the next 32 have come, and the agent looks every 10 ms. Found best in simulation.
+  // From a beam to its arrival, for which odometry alone does not allow: an RPLIDAR sends 32 beams
+  // (8 ms) at once, and the agent looks every 10 ms. Found best in simulation.
   TimeUs scan_delay_us = 11'000;
   MatcherConfig matcher;
 };
