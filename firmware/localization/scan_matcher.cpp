@@ -185,7 +185,7 @@ std::int64_t ScanMatcher::overlap(const Offset& offset) {
 std::int64_t ScanMatcher::score(const Offset& offset) {
   const std::int64_t whole = static_cast<std::int64_t>(size_) * kFullValue / 32;
   const std::int64_t off = squared(offset.x) + squared(offset.y);
-  return overlap(offset) - whole * off / squared(std::max(reach_, 1)) -
+  return overlap(offset) - whole * off / squared(std::max<std::int32_t>(reach_, 1)) -
          whole * squared(offset.turn) / squared(std::max<std::int32_t>(config_.search_angle, 1));
 }
 
