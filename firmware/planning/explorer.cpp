@@ -6,6 +6,20 @@
 
 namespace ivfm {
 
+namespace {
+
+// What an action has to show for the local map to be worth another one. A lidar sees thousands of
+// cells at a glance: less than a 64th of its footprint are crumbs, which the nearest frontiers
+// collect with less driving.
+std::uint32_t worthwhile_cells(const ExplorerConfig& config, std::int32_t cell_um) {
+  const VisitFootprint& f = config.fusion.footprint;
+  if (f.kind != VisitFootprint::Kind::kSector) return config.min_gain_cells;
+  const std::int64_t reach = f.far_um / cell_um;
+  return static_cast<std::uint32_t>(3 * reach * reach / 64);
+}
+
+}  // namespace
+
 Explorer::Explorer(const ExplorerConfig& config, const Memory& memory, std::int32_t cell_um,
                    std::int32_t window_cells)
     : config_(config),
@@ -206,13 +220,16 @@ Decision Explorer::planned(Decision decision) {
 
 // Judges the action that has just ended: idle local actions and frontiers that showed nothing.
 void Explorer::review_last_goal(const Pose& pose) {
-  const bool idle = action_.newly_seen_cells < config_.min_gain_cells;
+  const std::uint32_t seen = action_.newly_seen_cells;
+  const std::uint32_t worthwhile = worthwhile_cells(config_, map_.frame().cell_um());
+  const bool crumbs = seen < worthwhile && worthwhile > config_.min_gain_cells;
   if (last_.kind == Decision::Kind::kLocalGoal) {
-    idle_actions_ = idle ? idle_actions_ + 1 : 0;
+    idle_actions_ = seen < config_.min_gain_cells ? idle_actions_ + 1 : 0;
+    if (crumbs) idle_actions_ = config_.max_idle_actions;
     return;
   }
-  idle_actions_ = 0;
-  if (last_.kind != Decision::Kind::kGlobalGoal || !idle) return;
+  if (!crumbs) idle_actions_ = 0;  // there is something to see again: back to the policy
+  if (last_.kind != Decision::Kind::kGlobalGoal || seen >= config_.min_gain_cells) return;
   const Cell robot = robot_cell(pose);
   const std::int32_t distance =
       std::max(std::abs(robot.x - last_.goal.x), std::abs(robot.y - last_.goal.y));
