@@ -31,6 +31,7 @@ std::int64_t scale(std::int64_t value_q12, std::int32_t factor_q30) {
 }
 
 constexpr TimeUs kMaxGapUs = 500'000;      // longer pauses are judged as this long
+constexpr std::int64_t kLateUs = 100'000;  // a frame may have come late by so much
 constexpr std::int64_t kSlackCounts = 16;  // encoder jitter
 
 }  // namespace
@@ -58,7 +59,8 @@ void Odometry::reset(const Pose& pose) {
 bool Odometry::possible(const Sample& from, const Sample& to) const {
   const auto elapsed_us =
       static_cast<std::int64_t>(std::min(to.measured_us - from.measured_us, kMaxGapUs));
-  const std::int64_t limit = max_wheel_counts_s_ * elapsed_us / 1'000'000 + kSlackCounts;
+  const std::int64_t limit =
+      max_wheel_counts_s_ * (elapsed_us + kLateUs) / 1'000'000 + kSlackCounts;
   return magnitude(wrapped_difference(from.left, to.left)) <= limit &&
          magnitude(wrapped_difference(from.right, to.right)) <= limit;
 }

@@ -88,9 +88,8 @@ void Supervisor::advance(const SupervisorInputs& inputs, TimeUs now_us) {
 }
 
 bool Supervisor::apply(RobotEvent event) {
-  const supervisor_table::Transition* transition = supervisor_table::find(state_, event);
-  if (transition == nullptr) return false;
-  state_ = transition->to;
+  if (!supervisor_table::is_listed(state_, event)) return false;
+  state_ = supervisor_table::next_state(state_, event);
   return true;
 }
 

@@ -105,12 +105,23 @@ inline constexpr std::array kTransitions{
     Transition{RobotState::kStopped, RobotEvent::kStop, RobotState::kStopped},
 };
 
-// The row of the pair, or null when it is not listed.
-constexpr const Transition* find(RobotState state, RobotEvent event) {
-  for (const Transition& t : kTransitions) {
-    if (t.from == state && t.event == event) return &t;
+// The index of the pair's row, or kTransitions.size() when it is not listed.
+constexpr std::size_t index_of(RobotState state, RobotEvent event) {
+  std::size_t i = 0;
+  while (i < kTransitions.size() &&
+         (kTransitions[i].from != state || kTransitions[i].event != event)) {
+    ++i;
   }
-  return nullptr;
+  return i;
+}
+
+constexpr bool is_listed(RobotState state, RobotEvent event) {
+  return index_of(state, event) < kTransitions.size();
+}
+
+// Where the pair leads. Requires is_listed().
+constexpr RobotState next_state(RobotState state, RobotEvent event) {
+  return kTransitions[index_of(state, event)].to;
 }
 
 constexpr Motion motion_in(RobotState state) {
@@ -125,8 +136,8 @@ constexpr bool rows_are_in_order() {
 }
 
 constexpr bool every_pair_is_listed_once() {
-  for (const Transition& t : kTransitions) {
-    if (find(t.from, t.event) != &t) return false;
+  for (std::size_t i = 0; i < kTransitions.size(); ++i) {
+    if (index_of(kTransitions[i].from, kTransitions[i].event) != i) return false;
   }
   return true;
 }
@@ -134,8 +145,8 @@ constexpr bool every_pair_is_listed_once() {
 // Every state answers `event`, and the answer is a state that lets no motion through.
 constexpr bool always_stands_after(RobotEvent event) {
   for (const StateRow& row : kStates) {
-    const Transition* t = find(row.state, event);
-    if (t == nullptr || motion_in(t->to) != Motion::kNone) return false;
+    if (!is_listed(row.state, event)) return false;
+    if (motion_in(next_state(row.state, event)) != Motion::kNone) return false;
   }
   return true;
 }

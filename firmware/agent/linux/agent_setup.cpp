@@ -30,7 +30,7 @@ ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um
   // Distances between cells are those of their middles: an obstacle's edge and the robot may both
   // be half a cell nearer; the follower's deviations come on top.
   config.robot_radius_um = to_um(options.robot_radius_m) + cell_um + cell_um / 2;
-  config.paths.tight_radius_um = to_um(options.robot_radius_m) + cell_um / 2;
+  config.paths.tight_radius_um = to_um(options.robot_radius_m) + cell_um;
   // Further away the noise of an RPLIDAR A1 (1 % of the range) exceeds a cell.
   config.fusion.mapping_range_um = std::max(to_um(options.visit_range_m), kMappingRangeUm);
   config.min_goal_distance_um = config.robot_radius_um;
