@@ -1,10 +1,6 @@
 #include "host/evaluation/eval_command.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -13,6 +9,7 @@
 #include <string>
 #include <thread>
 
+#include "host/cli/progress_line.h"
 #include "host/cli/shipped_model.h"
 #include "host/evaluation/evaluator.h"
 #include "host/evaluation/policies/exploration_policy.h"
@@ -34,30 +31,6 @@ struct EvalOptions {
   bool no_timing = false;
 };
 
-// A line on a terminal's stderr that shows how far the evaluation is.
-class ProgressLine {
- public:
-  explicit ProgressLine(int total) : total_(total), shown_(isatty(STDERR_FILENO) == 1) {}
-  ~ProgressLine() {
-    if (drawn_) std::fputs("\r\033[K", stderr);
-  }
-  void operator()(int finished) {
-    const auto now = std::chrono::steady_clock::now();
-    if (!shown_ || now - last_ < std::chrono::milliseconds(200)) return;
-    last_ = now;
-    drawn_ = true;
-    const int filled = 40 * finished / total_;
-    std::fprintf(stderr, "\r[%-40s] %d of %d episodes ", std::string(filled, '#').c_str(), finished,
-                 total_);
-    std::fflush(stderr);
-  }
-
- private:
-  int total_;
-  bool shown_, drawn_ = false;
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
-
 int run_eval(EvalOptions& options) {
   EvaluationRequest& request = options.request;
   if (!options.start.empty()) options.world.start = parse_pose(options.start);
@@ -74,8 +47,8 @@ int run_eval(EvalOptions& options) {
   }
   EvaluationResult result;
   {
-    ProgressLine progress(request.episodes);
-    result = evaluate(request, [&](int finished) { progress(finished); });
+    ProgressLine progress(static_cast<std::uint64_t>(request.episodes), "episodes");
+    result = evaluate(request, [&](int done) { progress(static_cast<std::uint64_t>(done)); });
   }
   std::cout << (options.json ? to_json(request, result, !options.no_timing)
                              : to_text(request, result));

@@ -1,7 +1,5 @@
 #include "host/map_server/serve_command.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -13,6 +11,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "host/cli/progress_line.h"
 #include "host/dashboard/live_page.h"
 #include "host/dashboard/live_state.h"
 #include "host/map_server/map_server.h"
@@ -66,25 +65,6 @@ std::string summary(const MapServer& server, TimeUs now_us) {
        << "  out " << kib(counters.traffic.bytes_out) << "  dropped " << counters.dropped();
   return text.str();
 }
-
-// A line a second, rewritten in place, when somebody looks.
-class StatusLine {
- public:
-  StatusLine() : shown_(::isatty(STDERR_FILENO) == 1) {}
-  ~StatusLine() {
-    if (shown_) std::cerr << '\n';
-  }
-  void update(const MapServer& server, TimeUs now_us) {
-    const auto now = std::chrono::steady_clock::now();
-    if (!shown_ || now < next_) return;
-    next_ = now + std::chrono::seconds(1);
-    std::cerr << '\r' << summary(server, now_us) << "\x1b[K" << std::flush;
-  }
-
- private:
-  bool shown_;
-  std::chrono::steady_clock::time_point next_{};
-};
 
 void receive_all(UdpListener& listener, MapServer& server, TimeUs now_us) {
   // One byte more than a datagram may have, so that a longer one is seen to be too long.
@@ -144,14 +124,14 @@ void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostr
   const double period_ms = static_cast<double>(config.commit_period_us) / 2000.0;
   const int wait_ms = std::max(1, static_cast<int>(period_ms / options.time_scale));
   {
-    StatusLine status;
+    ProgressLine status;
     while (!stop) {
       listener.wait(wait_ms);
       const TimeUs now_us = clock.now_us();
       receive_all(listener, server, now_us);
       if (view) view->update(server, now_us);
       server.step(now_us);
-      status.update(server, now_us);
+      status.say(summary(server, now_us));
     }
   }
   receive_all(listener, server, clock.now_us());

@@ -1,7 +1,5 @@
 #include "host/simulator/replay_command.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <csignal>
@@ -17,6 +15,7 @@
 
 #include "firmware/agent/profile.h"
 #include "firmware/nn/q_network.h"
+#include "host/cli/progress_line.h"
 #include "host/log_analysis/map_picture.h"
 #include "host/simulator/rawlog_replay.h"
 #include "host/simulator/recording_player.h"
@@ -49,13 +48,6 @@ void handle_signals() {
   action.sa_handler = on_signal;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-}
-
-void show_progress(const char* what, std::size_t done, std::size_t total) {
-  static const bool is_terminal = isatty(STDERR_FILENO) != 0;
-  if (!is_terminal || (done % 25 != 0 && done != total)) return;
-  std::fprintf(stderr, "\r%s: scan %zu of %zu", what, done, total);
-  if (done == total) std::fputc('\n', stderr);
 }
 
 Recording load(const CommandOptions& options) {
@@ -92,6 +84,7 @@ int play(const CommandOptions& options, const Recording& recording) {
   const Clock::time_point start = Clock::now();
   std::optional<TimeUs> first_us;
   std::size_t next = 0;
+  ProgressLine progress(recording.scans.size(), "scans");
   while (g_interrupted == 0) {
     const double elapsed_us =
         std::chrono::duration<double, std::micro>(Clock::now() - start).count();
@@ -100,7 +93,7 @@ int play(const CommandOptions& options, const Recording& recording) {
     const TimeUs played_us = first_us ? now_us - *first_us : 0;
     for (; next < recording.scans.size() && recording.scans[next].time_us <= played_us; ++next) {
       lidar.emulator().set_revolution(full_turn(recording.scans[next]));
-      show_progress("ivfm replay", next + 1, recording.scans.size());
+      progress(next + 1);
     }
     lidar.step(now_us);
     // The last scan is shown for a while, too.
@@ -202,8 +195,9 @@ int fuse(const CommandOptions& options, const Recording& recording) {
   NoPolicy no_policy;
   const auto model = options.model.empty() ? nullptr : load_model_file(options.model);
   QFunction& policy = model ? static_cast<QFunction&>(model->network) : no_policy;
+  ProgressLine line(recording.scans.size(), "scans");
   const auto progress = [&](std::size_t done) {
-    show_progress("ivfm replay", done, recording.scans.size());
+    line(done);
     return g_interrupted == 0;
   };
   const ReplayResult result = replay(recording, *explorer, policy, options.replay, progress);

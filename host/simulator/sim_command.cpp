@@ -13,6 +13,7 @@
 #include "firmware/hal/linux/can_port.h"
 #include "firmware/hal/linux/linux_clock.h"
 #include "host/canbus/can_server.h"
+#include "host/cli/progress_line.h"
 #include "host/simulator/simulation.h"
 #include "host/simulator/truth_log.h"
 
@@ -220,10 +221,12 @@ int simulate(SimOptions options) {
   CollisionReporter collisions(simulation.robots().size());
   const auto end_us =
       options.duration_s > 0 ? static_cast<TimeUs>(options.duration_s * 1e6) : ~TimeUs{0};
+  ProgressLine progress(static_cast<std::uint64_t>(options.duration_s), "simulated seconds");
   while (!g_stop && simulation.now_us() < end_us) {
     simulation.advance_to(std::min(end_us, pacer.wait_for_tick(simulation.now_us())));
     if (truth) truth->record(simulation);
     collisions.report(simulation);
+    if (options.duration_s > 0) progress(simulation.now_us() / 1'000'000);
   }
   print_summary(simulation, pacer);
   return 0;
