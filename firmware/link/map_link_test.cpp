@@ -429,7 +429,9 @@ TEST(MapLinkRate, StaysBelowTheConfiguredRate) {
 TEST(MapLinkProperty, AfterTheRadioIsBackTheServersMapIsTheRobots) {
   for (std::uint32_t seed = 0; seed < 60; ++seed) {
     std::mt19937 random(seed);
-    FakeRadio radio(seed + 1000, {300, 100, 50, 50, 400000});
+    FakeRadio radio(
+        seed + 1000,
+        {.drop = 0.3, .duplicate = 0.1, .corrupt = 0.05, .truncate = 0.05, .jitter_us = 400000});
     TestMap map({-60, -60, 120, 120});
     MapLinkConfig config;
     config.batch_period_us = 200000 + random() % 1000000;

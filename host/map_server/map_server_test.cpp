@@ -360,7 +360,9 @@ TEST(MapServer, RandomBodiesInRightEnvelopesNeverHarm) {
 TEST(MapServerProperty, NothingIsLostOnABadRadioWithServersThatAreKilled) {
   for (std::uint32_t seed = 1; seed <= 12; ++seed) {
     std::mt19937 random(seed);
-    Team team(2 + seed % 3, seed, {300, 100, 30, 30, 900000});
+    Team team(
+        2 + seed % 3, seed,
+        {.drop = 0.3, .duplicate = 0.1, .corrupt = 0.03, .truncate = 0.03, .jitter_us = 900000});
     const TimeUs faulty_until = team.now_us() + 30 * kSecond;
     while (team.now_us() < faulty_until) {
       team.tick();

@@ -28,7 +28,7 @@ struct PeerAddress {
     }
     const auto* v6 = reinterpret_cast<const sockaddr_in6*>(&storage);
     ::inet_ntop(AF_INET6, &v6->sin6_addr, host.data(), host.size());
-    return "[" + std::string(host.data()) + "]:" + std::to_string(ntohs(v6->sin6_port));
+    return std::string("[").append(host.data()) + "]:" + std::to_string(ntohs(v6->sin6_port));
   }
 };
 

@@ -2,10 +2,11 @@
 
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <optional>
 #include <stdexcept>
 #include <utility>
+
+#include "host/cli/take_text.h"
 
 namespace ivfm::host {
 namespace {
@@ -24,28 +25,10 @@ constexpr std::array<std::pair<std::string_view, FaultKind>, 5> kNames{{
                               "can-drop=0.1, drive-fault@20s or drive-silence@20s+500ms");
 }
 
-// The number at the front of `rest`, which is shortened by it.
-std::optional<double> take_number(std::string_view& rest) {
-  double value = 0;
-  const auto [end, error] =
-      std::from_chars(rest.data(), rest.data() + rest.size(), value, std::chars_format::fixed);
-  if (error != std::errc() || !std::isfinite(value) || value < 0) return std::nullopt;
-  rest.remove_prefix(static_cast<std::size_t>(end - rest.data()));
-  return value;
-}
-
-TimeUs take_time(std::string_view text, std::string_view& rest) {
-  const std::optional<double> value = take_number(rest);
-  if (!value || *value > 1e9) fail(text, "a time is missing or wrong");
-  if (rest.substr(0, 2) == "ms") {
-    rest.remove_prefix(2);
-    return static_cast<TimeUs>(std::llround(*value * 1e3));
-  }
-  if (rest.substr(0, 1) == "s") {
-    rest.remove_prefix(1);
-    return static_cast<TimeUs>(std::llround(*value * 1e6));
-  }
-  fail(text, "a time needs its unit, s or ms");
+TimeUs require_time(std::string_view text, std::string_view& rest) {
+  const std::optional<TimeUs> time = take_time(rest);
+  if (!time) fail(text, "a time is missing or wrong, or has no unit, s or ms");
+  return *time;
 }
 
 FaultKind take_kind(std::string_view text, std::string_view& rest) {
@@ -82,10 +65,10 @@ Fault parse_fault(std::string_view text) {
   } else {
     if (!rest.starts_with('@')) fail(text, "the time it begins at is missing");
     rest.remove_prefix(1);
-    fault.begin_us = take_time(text, rest);
+    fault.begin_us = require_time(text, rest);
     if (rest.starts_with('+')) {
       rest.remove_prefix(1);
-      fault.end_us = fault.begin_us + take_time(text, rest);
+      fault.end_us = fault.begin_us + require_time(text, rest);
     }
   }
   if (!rest.empty()) fail(text, "'" + std::string(rest) + "' is left over");

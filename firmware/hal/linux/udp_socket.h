@@ -27,6 +27,8 @@ class UdpSocket final : public DatagramSocket {
   // Says why status() is not kOk, in a few words. Never null.
   const char* error_text() const { return error_text_; }
 
+  int fd() const { return fd_; }  // to wait on with poll(); -1 when not usable
+
   Result<std::size_t> receive(std::span<std::uint8_t> buffer) override;
   Status send(std::span<const std::uint8_t> datagram) override;
 
