@@ -78,6 +78,35 @@ double distance_um(Point a, Point b) {
   return std::sqrt(static_cast<double>(squared_distance_um2(a, b)));
 }
 
+// Whether no known obstacle lies within half the released robot's width of the line of cells.
+bool is_clear_line(const ExplorationMap& map, Cell from, Cell to) {
+  constexpr std::int32_t kHalfWidthUm = 30'000;
+  const int steps = std::max({std::abs(to.x - from.x), std::abs(to.y - from.y), 1});
+  for (int i = 0; i <= steps; ++i) {
+    const Cell c{from.x + (to.x - from.x) * i / steps, from.y + (to.y - from.y) * i / steps};
+    if (map.obstacle_within(c, kHalfWidthUm)) return false;
+  }
+  return true;
+}
+
+// The reachable cell nearest to `target`; `here` when there is none. After compute_paths().
+Cell nearest_reachable(const Explorer& explorer, Cell here, Point target) {
+  const GridFrame& frame = explorer.map().frame();
+  const CellRect region = explorer.paths().region();
+  Cell best = here;
+  std::int64_t best_distance = squared_distance_um2(frame.center_of(here), target);
+  for (std::int32_t y = region.y; y < region.top(); ++y) {
+    for (std::int32_t x = region.x; x < region.right(); ++x) {
+      const std::int64_t distance = squared_distance_um2(frame.center_of({x, y}), target);
+      if (distance >= best_distance) continue;
+      if (explorer.paths().cost_at(explorer.map(), {x, y}) == path::kUnreachable) continue;
+      best = {x, y};
+      best_distance = distance;
+    }
+  }
+  return best;
+}
+
 }  // namespace
 
 EnvironmentConfig EnvironmentConfig::arena() {
@@ -91,6 +120,7 @@ EnvironmentConfig EnvironmentConfig::arena() {
   c.max_sim_steps = 800;
   c.view_every_steps = 60;
   c.front_um = arena::kRobotRadiusUm;
+  c.count_first_view = false;
   c.count_last_view = false;
   return c;
 }
@@ -300,12 +330,31 @@ StepResult ExplorationEnvironment::step_decision(int agent, const Decision& deci
   return result;
 }
 
+StepResult ExplorationEnvironment::step_towards(int agent, Point target) {
+  Explorer& explorer = agents_[static_cast<std::size_t>(agent)].explorer.get();
+  const GridFrame& frame = explorer.map().frame();
+  const Cell here = frame.cell_at(pose(agent).position), wanted = frame.cell_at(target);
+  if (is_clear_line(explorer.map(), here, wanted)) return act_along(agent, {{target}});
+  explorer.compute_paths(pose(agent));
+  Decision decision;
+  const Cell nearest = nearest_reachable(explorer, here, target);
+  if (!ok(explorer.select_cell(pose(agent), nearest, decision))) return stay(agent);
+  const std::span<const Point> path = explorer.path().points();
+  std::vector<Point> waypoints(path.begin(), path.end());
+  waypoints.empty() ? waypoints.push_back(target) : void(waypoints.back() = target);
+  return act_along(agent, waypoints);
+}
+
 StepResult ExplorationEnvironment::act(int agent) {
+  return act_along(agent, explorer(agent).path().points());
+}
+
+StepResult ExplorationEnvironment::act_along(int agent, std::span<const Point> waypoints) {
   Agent& a = agents_[static_cast<std::size_t>(agent)];
   StepResult result;
   announce(a, ExplorerCall::kBeginAction);
   a.explorer.get().begin_action();
-  drive(a, result);
+  drive(a, waypoints, result);
   finish_action(agent, result);
   return result;
 }
@@ -348,10 +397,11 @@ void ExplorationEnvironment::finish_action(int agent, StepResult& result) {
 
 // --- Motion --------------------------------------------------------------------------------------
 
-void ExplorationEnvironment::drive(Agent& agent, StepResult& result) {
+void ExplorationEnvironment::drive(Agent& agent, std::span<const Point> waypoints,
+                                   StepResult& result) {
   Motion motion{agent, result, {}};
   motion.steps_to_view = config_.view_every_steps;
-  take_path(motion);
+  take_path(motion, waypoints);
   follow(motion);
   for (int detours = 0; motion.rerouted && detours < kMaxDetours && reroute(motion); ++detours) {
     follow(motion);
@@ -360,18 +410,18 @@ void ExplorationEnvironment::drive(Agent& agent, StepResult& result) {
   take_view(agent, config_.count_last_view, result);
 }
 
-void ExplorationEnvironment::take_path(Motion& motion) const {
-  const WaypointPath& path = motion.agent.explorer.get().path();
-  motion.waypoints.assign(path.points().begin(), path.points().end());
+void ExplorationEnvironment::take_path(Motion& motion, std::span<const Point> waypoints) const {
+  motion.waypoints.assign(waypoints.begin(), waypoints.end());
   motion.next = 0;
-  motion.budget_um =
-      static_cast<double>(path.length_um(motion.agent.pose.position)) - config_.front_um;
+  motion.budget_um = -config_.front_um;
+  Point from = motion.agent.pose.position;
+  for (const Point& to : waypoints) motion.budget_um += distance_um(std::exchange(from, to), to);
 }
 
 bool ExplorationEnvironment::reroute(Motion& motion) {
   if (!ok(motion.agent.explorer.get().replan(motion.agent.pose))) return false;
   motion.rerouted = false;
-  take_path(motion);
+  take_path(motion, motion.agent.explorer.get().path().points());
   return true;
 }
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -171,6 +172,10 @@ class ExplorationEnvironment {
   StepResult step_global(int agent);
   // One action: drives to a map cell anywhere. A cell out of reach is an action that does nothing.
   StepResult step_to(int agent, Cell goal);
+  // One action as in the paper's released code: straight to `target` when no known obstacle lies
+  // within half the robot's width of the line, else along the shortest path to the reachable cell
+  // nearest to it and from there straight on, into whatever is there.
+  StepResult step_towards(int agent, Point target);
   // One action: drives what the agent's explorer decided (Explorer::decide).
   StepResult step_decision(int agent, const Decision& decision);
 
@@ -204,12 +209,13 @@ class ExplorationEnvironment {
   void find_explorable_cells();
 
   StepResult act(int agent);
+  StepResult act_along(int agent, std::span<const Point> waypoints);
   StepResult stay(int agent);
   void finish_action(int agent, StepResult& result);
 
-  void drive(Agent& agent, StepResult& result);
+  void drive(Agent& agent, std::span<const Point> waypoints, StepResult& result);
   void follow(Motion& motion);
-  void take_path(Motion& motion) const;
+  void take_path(Motion& motion, std::span<const Point> waypoints) const;
   bool reroute(Motion& motion);
   void turn_towards(Motion& motion, Point goal);
   void drive_towards(Motion& motion, Point goal);

@@ -11,6 +11,7 @@
 
 #include "host/cli/progress_line.h"
 #include "host/cli/shipped_model.h"
+#include "host/evaluation/calibration.h"
 #include "host/evaluation/evaluator.h"
 #include "host/evaluation/policies/exploration_policy.h"
 #include "host/evaluation/report.h"
@@ -29,10 +30,23 @@ struct EvalOptions {
   std::string episodes_out;
   bool json = false;
   bool no_timing = false;
+  bool calibrate = false;
 };
+
+int run_calibration(const EvaluationRequest& request) {
+  std::vector<CalibrationRow> rows;
+  {
+    ProgressLine progress(static_cast<std::uint64_t>(request.episodes), "episodes");
+    rows = calibrate(request.episodes, request.seed,
+                     [&](int done) { progress(static_cast<std::uint64_t>(done)); });
+  }
+  std::cout << to_text(rows);
+  return 0;
+}
 
 int run_eval(EvalOptions& options) {
   EvaluationRequest& request = options.request;
+  if (options.calibrate) return run_calibration(request);
   if (!options.start.empty()) options.world.start = parse_pose(options.start);
   request.world = make_world(options.world);
   const bool needs_model = request.policy == "qnet" || request.policy == "qnet-float";
@@ -105,6 +119,9 @@ void add_eval_command(CLI::App& app, CommandAction& action) {
   command->add_option("--episodes-out", options->episodes_out, "CSV file, a row an episode");
   command->add_flag("--json", options->json, "one JSON object");
   command->add_flag("--no-timing", options->no_timing, "decisions_per_s is null in the JSON");
+  command->add_flag("--calibrate", options->calibrate,
+                    "compare the 1x arena with the paper's released simulator, by its random "
+                    "policy; takes --episodes and --seed");
   command->footer("Example: ivfm eval --world 1x --policy frontier-nearest --episodes 50 --json");
   command->callback([options, &action] { action = [options] { return run_eval(*options); }; });
 }

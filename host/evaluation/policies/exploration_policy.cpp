@@ -12,6 +12,7 @@ const std::vector<std::string>& policy_names() {
   static const std::vector<std::string> names = {"qnet",
                                                  "qnet-float",
                                                  "random",
+                                                 "random-released",
                                                  "frontier-nearest",
                                                  "frontier-median",
                                                  "information-gain",
@@ -23,6 +24,7 @@ std::unique_ptr<ExplorationPolicy> make_policy(const std::string& name,
                                                const EnvironmentConfig& config,
                                                const std::filesystem::path& model) {
   if (name == "random") return std::make_unique<RandomPolicy>();
+  if (name == "random-released") return std::make_unique<ReleasedRandomPolicy>();
   if (name == "frontier-nearest") return std::make_unique<NearestFrontierPolicy>();
   if (name == "frontier-median") return std::make_unique<MedianFrontierPolicy>();
   if (name == "information-gain") return std::make_unique<InformationGainPolicy>(config);

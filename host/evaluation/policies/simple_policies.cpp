@@ -44,6 +44,22 @@ std::uint16_t least_move_cost(const EnvironmentConfig& config) {
   return static_cast<std::uint16_t>(least_um * path::kStraight / config.cell_um);
 }
 
+// `to`, pulled back along the line from `from` until it lies inside the world.
+Point pulled_inside(Point from, Point to, const World& world) {
+  const std::int32_t x1 = world.origin.x_um + world.width * world.cell_um;
+  const std::int32_t y1 = world.origin.y_um + world.height * world.cell_um;
+  const auto share = [](std::int32_t a, std::int32_t b, std::int32_t low, std::int32_t high) {
+    if (b >= low && b <= high) return 1.0;
+    return (static_cast<double>(b < low ? low : high) - a) / (static_cast<double>(b) - a);
+  };
+  const double s = std::min(share(from.x_um, to.x_um, world.origin.x_um, x1),
+                            share(from.y_um, to.y_um, world.origin.y_um, y1));
+  const auto along = [s](std::int32_t a, std::int32_t b) {
+    return static_cast<std::int32_t>(a + s * (static_cast<double>(b) - a));
+  };
+  return {along(from.x_um, to.x_um), along(from.y_um, to.y_um)};
+}
+
 }  // namespace
 
 StepResult RandomPolicy::act(ExplorationEnvironment& env, int agent) {
@@ -54,6 +70,17 @@ StepResult RandomPolicy::act(ExplorationEnvironment& env, int agent) {
   }
   if (goals.empty()) return env.step_global(agent);
   return env.step(agent, goals[random_.below(static_cast<std::uint32_t>(goals.size()))]);
+}
+
+StepResult ReleasedRandomPolicy::act(ExplorationEnvironment& env, int agent) {
+  constexpr std::int64_t kPixels = 128, kPixelUm = 1'000'000 / kPixels;
+  const std::int64_t ahead = (kPixels / 2 - random_.below(kPixels)) * kPixelUm;
+  const std::int64_t left = (kPixels / 2 - random_.below(kPixels)) * kPixelUm;
+  const Pose& pose = env.pose(agent);
+  const std::int64_t c = cos_q30(pose.heading), s = sin_q30(pose.heading);
+  const Point target{pose.position.x_um + static_cast<std::int32_t>((ahead * c - left * s) >> 30),
+                     pose.position.y_um + static_cast<std::int32_t>((ahead * s + left * c) >> 30)};
+  return env.step_towards(agent, pulled_inside(pose.position, target, *env.scenario().world));
 }
 
 StepResult NearestFrontierPolicy::act(ExplorationEnvironment& env, int agent) {

@@ -18,6 +18,17 @@ class RandomPolicy final : public ExplorationPolicy {
   Random random_{0};
 };
 
+// The random policy of the paper's released code, for calibration: any pixel of its heading-up
+// 1 m map, reachable or not, pulled back to the arena's border.
+class ReleasedRandomPolicy final : public ExplorationPolicy {
+ public:
+  void start_episode(std::uint64_t seed) override { random_ = Random(seed); }
+  StepResult act(ExplorationEnvironment& env, int agent) override;
+
+ private:
+  Random random_{0};
+};
+
 // The nearest reachable frontier of the whole map (Yamauchi 1997) that is far enough for a view.
 class NearestFrontierPolicy final : public ExplorationPolicy {
  public:
