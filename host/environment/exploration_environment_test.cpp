@@ -52,17 +52,22 @@ TEST(ExplorationEnvironment, PlacesTheFrontOnTheGoalAtOneMillimetreAStep) {
 }
 
 TEST(ExplorationEnvironment, SweepsAStripAsWideAsTheCamerasFarEdge) {
-  ExplorationEnvironment env(EnvironmentConfig::arena());
-  env.reset(empty_room(3, {{{-500'000, 0}, BinaryAngle()}}));
-  env.observe(0);
-  const StepResult result = env.step(0, index_of(15, 0));
-  // 0.41 m: six counted views, 0.06 m apart, after the first one at the start, which shows the
-  // trapezoid, 0.068 m2. Each adds the far edge's 0.507 m by 0.06 m, less two triangles of 0.06 m
-  // by 0.053 m at the slanted sides; the rest of the first trapezoid is seen again.
+  // 0.41 m: six counted views, 0.06 m apart. A view shows the trapezoid, 0.068 m2; each further one
+  // adds the far edge's 0.507 m by 0.06 m, less two triangles of 0.06 m by 0.053 m at the slanted
+  // sides.
   const double cell_m2 = 0.015625 * 0.015625, strip_m2 = 0.06 * 0.507 - 0.06 * 0.053;
-  EXPECT_EQ(result.views, 7);
-  EXPECT_NEAR(result.newly_seen_cells * cell_m2, 6 * strip_m2, 0.004);
-  EXPECT_NEAR(result.re_seen_cells * cell_m2, 0.068 - strip_m2, 0.004);
+  for (const bool count_first_view : {false, true}) {
+    EnvironmentConfig config = EnvironmentConfig::arena();
+    config.count_first_view = count_first_view;
+    ExplorationEnvironment env(config);
+    env.reset(empty_room(3, {{{-500'000, 0}, BinaryAngle()}}));
+    env.observe(0);
+    const StepResult result = env.step(0, index_of(15, 0));
+    EXPECT_EQ(result.views, 7);
+    const double first = count_first_view ? strip_m2 : 0.068;
+    EXPECT_NEAR(result.newly_seen_cells * cell_m2, first + 5 * strip_m2, 0.004);
+    EXPECT_NEAR(result.re_seen_cells * cell_m2, count_first_view ? 0.068 - strip_m2 : 0, 0.004);
+  }
 }
 
 TEST(ExplorationEnvironment, StopsOnContactWithAWall) {

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "host/evaluation/calibration.h"
 #include "host/evaluation/evaluator.h"
 #include "host/evaluation/policies/exploration_policy.h"
 #include "host/evaluation/policies/simple_policies.h"
@@ -90,6 +91,14 @@ TEST_P(EveryBaseline, FindsTheTargetOfAnArena) {
 INSTANTIATE_TEST_SUITE_P(Baselines, EveryBaseline,
                          testing::Values("frontier-nearest", "frontier-median", "information-gain",
                                          "greedy-lookahead"));
+
+TEST(Calibration, AgreesWithTheReleasedSimulatorWhereThatWasMeasured) {
+  for (const CalibrationRow& row : calibrate(40, 1)) {
+    const bool is_of_episodes = row.quantity == "steps" || row.quantity == "RER" ||
+                                row.quantity.starts_with("PE") || row.quantity == "coverage";
+    if (is_of_episodes) EXPECT_LT(std::abs(row.z()), 3) << row.quantity;
+  }
+}
 
 TEST(Policies, AnUnknownNameListsTheKnownOnes) {
   EXPECT_THAT([] { make_policy("best", EnvironmentConfig::arena(), {}); },

@@ -1,6 +1,7 @@
 #include "host/evaluation/policies/simple_policies.h"
 
 #include <algorithm>
+#include <limits>
 #include <optional>
 
 #include "firmware/planning/frontier.h"
@@ -44,6 +45,25 @@ std::uint16_t least_move_cost(const EnvironmentConfig& config) {
   return static_cast<std::uint16_t>(least_um * path::kStraight / config.cell_um);
 }
 
+// The first action of a robot whose first view does not count: nothing is seen yet, so there is no
+// frontier. Drives to the goal that lies furthest ahead.
+StepResult step_ahead(ExplorationEnvironment& env, int agent) {
+  env.observe(agent);
+  const BinaryAngle heading = env.pose(agent).heading;
+  const std::int64_t c = cos_q30(heading), s = sin_q30(heading);
+  int best = 0;
+  std::int64_t furthest = std::numeric_limits<std::int64_t>::min();
+  for (int i = 0; i < kPolicyGridSize; ++i) {
+    if (!env.goal_mask(agent)[static_cast<std::size_t>(i)]) continue;
+    const std::int64_t ahead =
+        (i % kPolicyCells - kPolicyCells / 2) * c + (i / kPolicyCells - kPolicyCells / 2) * s;
+    if (ahead <= furthest) continue;
+    furthest = ahead;
+    best = i;
+  }
+  return env.step(agent, best);
+}
+
 // `to`, pulled back along the line from `from` until it lies inside the world.
 Point pulled_inside(Point from, Point to, const World& world) {
   const std::int32_t x1 = world.origin.x_um + world.width * world.cell_um;
@@ -84,6 +104,7 @@ StepResult ReleasedRandomPolicy::act(ExplorationEnvironment& env, int agent) {
 }
 
 StepResult NearestFrontierPolicy::act(ExplorationEnvironment& env, int agent) {
+  if (env.totals().explored_cells == 0) return step_ahead(env, agent);
   const std::uint16_t least = least_move_cost(env.config());
   if (least == 0) return env.step_global(agent);
   Explorer& explorer = env.explorer(agent);
@@ -143,7 +164,7 @@ StepResult MedianFrontierPolicy::act(ExplorationEnvironment& env, int agent) {
     best = goal->stand;
     best_cost = goal->path_cost;
   }
-  if (!best) return nearest_.act(env, agent);  // no median can be reached
+  if (!best) return nearest_.act(env, agent);  // nothing is seen yet, or no median can be reached
   tried.push_back(*best);
   return env.step_to(agent, *best);
 }
