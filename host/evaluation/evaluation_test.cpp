@@ -96,7 +96,9 @@ TEST(Calibration, AgreesWithTheReleasedSimulatorWhereThatWasMeasured) {
   for (const CalibrationRow& row : calibrate(40, 1)) {
     const bool is_of_episodes = row.quantity == "steps" || row.quantity == "RER" ||
                                 row.quantity.starts_with("PE") || row.quantity == "coverage";
-    if (is_of_episodes) EXPECT_LT(std::abs(row.z()), 3) << row.quantity;
+    if (is_of_episodes) {
+      EXPECT_LT(std::abs(row.z()), 3) << row.quantity;
+    }
   }
 }
 
