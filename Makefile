@@ -37,6 +37,10 @@ bench: build ## Measure the parts of a decision against MRPT, and decisions a se
 	  echo "== $${bench##*/}"; $$bench $(ARGS); \
 	done
 
+.PHONY: soak
+soak: build ## Look for a lost cell in 1,000 schedules of radio faults and kills
+	@$(HOST)/tests/nothing_lost/nothing_lost_soak $(ARGS)
+
 .PHONY: hil
 hil: deps ## Hardware in the loop: the cross-built robot's CAN on an emulated machine
 	@hil/run.sh

@@ -357,47 +357,5 @@ TEST(MapServer, RandomBodiesInRightEnvelopesNeverHarm) {
   EXPECT_LE(team.server().robot_count(), 2u);
 }
 
-TEST(MapServerProperty, NothingIsLostOnABadRadioWithServersThatAreKilled) {
-  for (std::uint32_t seed = 1; seed <= 12; ++seed) {
-    std::mt19937 random(seed);
-    Team team(
-        2 + seed % 3, seed,
-        {.drop = 0.3, .duplicate = 0.1, .corrupt = 0.03, .truncate = 0.03, .jitter_us = 900000});
-    const TimeUs faulty_until = team.now_us() + 30 * kSecond;
-    while (team.now_us() < faulty_until) {
-      team.tick();
-      const std::size_t robot = random() % team.size();
-      const CellRect rect{static_cast<std::int32_t>(random() % 80) - 40,
-                          static_cast<std::int32_t>(random() % 60) - 40,
-                          static_cast<std::int32_t>(1 + random() % 20),
-                          static_cast<std::int32_t>(1 + random() % 20)};
-      if (random() % 4 == 0) team.visit(robot, rect);
-      if (random() % 4 == 0) team.set_obstacles(robot, rect, random() % 2 ? 1 : 0);
-      if (random() % 200 == 0) team.radio(robot).set_partitioned(random() % 2 == 0);
-      if (random() % 150 == 0) {
-        if (team.has_server()) {
-          team.stop_server();
-        } else {
-          team.start_server();
-        }
-      }
-    }
-    for (std::size_t i = 0; i < team.size(); ++i) {
-      team.radio(i).set_partitioned(false);
-      team.radio(i).set_faults({});
-    }
-    if (!team.has_server()) team.start_server();
-    ASSERT_TRUE(team.settle(120 * kSecond)) << "seed " << seed;
-    // What was delayed in the air arrives late and must change nothing.
-    team.run(2 * kSecond);
-    ASSERT_TRUE(team.settle(60 * kSecond));
-    team.expect_consistent("seed " + std::to_string(seed));
-    team.stop_server();
-    team.start_server();
-    ASSERT_TRUE(team.settle(60 * kSecond));
-    team.expect_consistent("after a restart, seed " + std::to_string(seed));
-  }
-}
-
 }  // namespace
 }  // namespace ivfm::host

@@ -1,0 +1,54 @@
+// A robot's map for tests of the link: a small window with its own cells and the others'.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "firmware/link/shared_map.h"
+
+namespace ivfm::host {
+
+template <typename Visit>
+void for_each_cell(const CellRect& rect, Visit visit) {
+  for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+    for (std::int32_t x = rect.x; x < rect.right(); ++x) visit(Cell{x, y});
+  }
+}
+
+class TeamMap final : public SharedMap {
+ public:
+  explicit TeamMap(const CellRect& window) : frame_(50000, window) {
+    for (auto* layers : {&own_, &peers_}) {
+      for (auto& layer : *layers) layer.resize(frame_.size());
+    }
+  }
+  Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const override {
+    if (!frame_.window().contains(rect)) return Status::kOutOfRange;
+    std::size_t i = 0;
+    for_each_cell(rect, [&](Cell c) { out[i++] = own(layer, c); });
+    return Status::kOk;
+  }
+  Status write_peers(Layer layer, const CellRect& rect,
+                     std::span<const std::uint8_t> cells) override {
+    std::size_t i = 0;
+    for_each_cell(rect, [&](Cell c) {
+      if (frame_.contains(c)) peers_[at(layer)][frame_.index_of(c)] = cells[i];
+      ++i;
+    });
+    return Status::kOk;
+  }
+
+  const CellRect& window() const { return frame_.window(); }
+  std::uint8_t own(Layer layer, Cell c) const { return own_[at(layer)][frame_.index_of(c)]; }
+  std::uint8_t& own(Layer layer, Cell c) { return own_[at(layer)][frame_.index_of(c)]; }
+  std::uint8_t peers(Layer layer, Cell c) const { return peers_[at(layer)][frame_.index_of(c)]; }
+
+ private:
+  static std::size_t at(Layer layer) { return static_cast<std::size_t>(layer); }
+  GridFrame frame_;
+  std::array<std::vector<std::uint8_t>, kLayerCount> own_, peers_;
+};
+
+}  // namespace ivfm::host
