@@ -106,6 +106,10 @@ class LivePage::Server {
       response.set_content(state_.changes(request.get_param_value("run"), number(since)),
                            "application/octet-stream");
     });
+    http_.Get("/metrics", [this](const httplib::Request&, httplib::Response& response) {
+      const std::lock_guard lock(mutex_);
+      response.set_content(metrics_, "text/plain; version=0.0.4; charset=utf-8");
+    });
     http_.Post("/api/command", [this](const httplib::Request& request,
                                       httplib::Response& response) { command(request, response); });
     listen(address);
@@ -118,6 +122,10 @@ class LivePage::Server {
 
   std::string url() const { return url_; }
   const std::string& token() const { return token_; }
+  void set_metrics(std::string text) {
+    const std::lock_guard lock(mutex_);
+    metrics_ = std::move(text);
+  }
   std::vector<PageCommand> take_commands() {
     const std::lock_guard lock(mutex_);
     return std::exchange(commands_, {});
@@ -201,6 +209,7 @@ class LivePage::Server {
   std::string url_;
   std::mutex mutex_;
   std::vector<PageCommand> commands_;
+  std::string metrics_;
   std::thread thread_;
 };
 
@@ -210,6 +219,7 @@ LivePage::~LivePage() = default;
 
 std::string LivePage::url() const { return server_->url(); }
 std::string LivePage::url_with_token() const { return url() + "#token=" + server_->token(); }
+void LivePage::set_metrics(std::string text) { server_->set_metrics(std::move(text)); }
 std::vector<PageCommand> LivePage::take_commands() { return server_->take_commands(); }
 
 }  // namespace ivfm::host

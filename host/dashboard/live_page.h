@@ -35,6 +35,8 @@ class LivePage {
   std::string url() const;
   // The same with the token, for who may command the robots.
   std::string url_with_token() const;
+  // What /metrics answers from now on (Prometheus' text format).
+  void set_metrics(std::string text);
   // What was asked since the last call, in order.
   std::vector<PageCommand> take_commands();
 

@@ -8,6 +8,7 @@ namespace {
 // A robot that was not heard for this long is not sent anything.
 constexpr TimeUs kAwayAfterUs = 60000000;
 constexpr TimeUs kCommandRetryUs = 500000;
+constexpr TimeUs kForgetPeriodUs = 10000000;
 
 std::int64_t to_sql(TimeUs time_us) { return static_cast<std::int64_t>(time_us); }
 
@@ -288,6 +289,7 @@ void MapServer::finish(TimeUs now_us) {
 void MapServer::commit(TimeUs now_us) {
   last_commit_us_ = now_us;
   log_traffic_and_progress(now_us);
+  forget_old_rows(now_us);
   if (unsaved_robots_.empty() && rows_.empty()) return;
   database_.begin();
   for (const auto& [robot, key] : unsaved_tiles_) {
@@ -325,8 +327,18 @@ void MapServer::log_traffic_and_progress(TimeUs now_us) {
       [=](RunDatabase& database) { database.add_progress(time, explored, obstacles); });
 }
 
+void MapServer::forget_old_rows(TimeUs now_us) {
+  if (config_.retention_us == 0 || now_us < config_.retention_us) return;
+  if (last_forget_us_ != 0 && now_us - last_forget_us_ < kForgetPeriodUs) return;
+  last_forget_us_ = now_us;
+  rows_.emplace_back([before = to_sql(now_us - config_.retention_us)](RunDatabase& database) {
+    database.forget_before(before);
+  });
+}
+
 void MapServer::acknowledge_committed(Robot& robot) {
   auto& sequences = robot.to_acknowledge;
+  counters_.made_durable += sequences.size();
   std::sort(sequences.begin(), sequences.end(), std::greater<>());
   while (!sequences.empty()) {
     const Acknowledgement message = next_acknowledgement(robot.record.epoch, sequences);

@@ -28,12 +28,14 @@ struct MapServerConfig {
   TimeUs commit_period_us = 100000;  // what arrived in this time is one transaction
   TimeUs log_period_us = 1000000;    // of the rows of traffic and progress
   DownlinkConfig downlink;
+  TimeUs retention_us = 0;  // poses, status and so on older than this go; 0: none
   std::size_t max_robots = 4096;
   std::size_t max_tiles = 262144;  // over all robots; what would need more is refused
 };
 
 struct MapServerCounters {
-  TrafficCounters traffic;  // of all robots, and of what was dropped
+  TrafficCounters traffic;         // of all robots, and of what was dropped
+  std::uint64_t made_durable = 0;  // messages acknowledged, each repetition counted
   std::uint64_t dropped_malformed = 0;
   std::uint64_t dropped_misdirected = 0;  // not from a robot
   std::uint64_t dropped_stale = 0;        // from before the robot's last start
@@ -137,6 +139,7 @@ class MapServer {
 
   void commit(TimeUs now_us);
   void log_traffic_and_progress(TimeUs now_us);
+  void forget_old_rows(TimeUs now_us);
   void acknowledge_committed(Robot& robot);
   void tell_others();
   void send_downlink(Robot& robot, TimeUs now_us);
@@ -162,6 +165,7 @@ class MapServer {
   std::set<std::uint16_t> unsaved_robots_;
   TimeUs last_commit_us_ = 0;
   TimeUs last_log_us_ = 0;
+  TimeUs last_forget_us_ = 0;
   std::uint64_t logged_explored_ = 0;
   std::uint64_t logged_obstacles_ = 0;
   std::array<std::uint8_t, kMaxDatagramBytes> out_{};

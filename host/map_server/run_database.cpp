@@ -100,6 +100,16 @@ COMMIT;
 )sql";
 static_assert(kRunDatabaseId == 1230390861);
 
+#define IVFM_FORGET(table)                                                 \
+  "DELETE FROM " table " WHERE rowid < coalesce((SELECT rowid FROM " table \
+  " WHERE time_us >= ?1 ORDER BY rowid LIMIT 1), (SELECT max(rowid) + 1 FROM " table "))"
+constexpr std::array kForgetSql{
+    IVFM_FORGET("poses"),    IVFM_FORGET("goals"),
+    IVFM_FORGET("status"),   IVFM_FORGET("traffic"),
+    IVFM_FORGET("progress"), "DELETE FROM events WHERE time_us < ?1 AND kind <> 'found'",
+};
+#undef IVFM_FORGET
+
 std::runtime_error sentence(const std::filesystem::path& path, const std::string& what) {
   return std::runtime_error("run database '" + path.string() + "' " + what);
 }
@@ -149,7 +159,7 @@ SqliteConnection RunDatabase::open_checked(const std::filesystem::path& path) {
 }
 
 RunDatabase::RunDatabase(const std::filesystem::path& path)
-    : lock_(path), connection_(open_checked(path)) {
+    : path_(path), lock_(path), connection_(open_checked(path)) {
   connection_.execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;");
   if (connection_.integer("SELECT count(*) FROM sqlite_master").value_or(0) == 0) {
     connection_.execute(kSchema);
@@ -163,6 +173,16 @@ SqliteStatement& RunDatabase::statement(const char* sql) {
   const auto found = statements_.find(sql);
   if (found != statements_.end()) return found->second;
   return statements_.try_emplace(sql, connection_, sql).first->second;
+}
+
+std::uint64_t RunDatabase::file_bytes() const {
+  std::uint64_t sum = 0;
+  for (const char* end : {"", "-wal"}) {
+    std::error_code error;
+    const auto size = std::filesystem::file_size(path_.string() + end, error);
+    sum += error ? 0 : size;
+  }
+  return sum;
 }
 
 std::uint32_t RunDatabase::begin_session(std::int64_t unix_time_us, double time_scale) {
@@ -247,8 +267,17 @@ std::optional<std::uint16_t> RunDatabase::finder() {
   return static_cast<std::uint16_t>(*robot);
 }
 
-void RunDatabase::begin() { connection_.execute("BEGIN IMMEDIATE"); }
-void RunDatabase::commit() { connection_.execute("COMMIT"); }
+void RunDatabase::begin() {
+  begun_ = std::chrono::steady_clock::now();
+  connection_.execute("BEGIN IMMEDIATE");
+}
+
+void RunDatabase::commit() {
+  connection_.execute("COMMIT");
+  commit_times_.add(
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count());
+}
+
 void RunDatabase::rollback() { connection_.execute("ROLLBACK"); }
 
 void RunDatabase::save_cell_um(std::int32_t cell_um) {
@@ -356,6 +385,11 @@ void RunDatabase::add_progress(std::int64_t time_us, std::uint64_t explored_cell
       .bind(to_sql(explored_cells))
       .bind(to_sql(obstacle_cells))
       .run();
+}
+
+// Rows are in the order of their times, so that only what goes is looked at.
+void RunDatabase::forget_before(std::int64_t time_us) {
+  for (const char* sql : kForgetSql) statement(sql).bind(time_us).run();
 }
 
 }  // namespace ivfm::host

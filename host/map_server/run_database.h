@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -12,6 +13,7 @@
 
 #include "host/map_server/map_store.h"
 #include "host/map_server/sqlite.h"
+#include "host/map_server/time_histogram.h"
 #include "shared/geometry/pose.h"
 #include "shared/wire/messages.h"
 
@@ -64,6 +66,10 @@ class RunDatabase {
   // Between begin() and commit() the writes are one transaction: all durable or none.
   void begin();
   void commit();
+  // Real time from begin() to the end of commit().
+  const TimeHistogram& commit_times() const { return commit_times_; }
+  // Of the file and its write-ahead log.
+  std::uint64_t file_bytes() const;
   void rollback();
   void save_cell_um(std::int32_t cell_um);
   void save_time(std::int64_t time_us);
@@ -77,6 +83,9 @@ class RunDatabase {
   void add_traffic(std::int64_t time_us, std::uint16_t robot, const TrafficCounters& traffic);
   void add_progress(std::int64_t time_us, std::uint64_t explored_cells,
                     std::uint64_t obstacle_cells);
+  // Deletes what was added earlier than `time_us`, but for the find. The map stays. The file keeps
+  // its size and is filled anew.
+  void forget_before(std::int64_t time_us);
 
  private:
   // Keeps other servers out: a lock on the file, taken before and released after SQLite has it.
@@ -94,6 +103,9 @@ class RunDatabase {
   static SqliteConnection open_checked(const std::filesystem::path& path);
   SqliteStatement& statement(const char* sql);
 
+  std::filesystem::path path_;
+  std::chrono::steady_clock::time_point begun_{};
+  TimeHistogram commit_times_;
   FileLock lock_;
   SqliteConnection connection_;
   std::map<const char*, SqliteStatement> statements_;

@@ -104,6 +104,35 @@ TEST_F(RunDatabaseTest, KeepsTheLogs) {
   EXPECT_EQ(count("PRAGMA application_id"), kRunDatabaseId);
 }
 
+TEST_F(RunDatabaseTest, ForgetsOldRowsButNeitherTheMapNorTheFind) {
+  RunDatabase database(path_);
+  database.begin();
+  database.save_tile(2, {Layer::kVisits, 0, 0}, {});
+  database.add_event(1, 9, "found", "");
+  for (std::int64_t time = 1; time <= 10; ++time) {
+    database.add_pose(time, 2, {});
+    database.add_goal(time, 2, {});
+    database.add_status(time, 2, {});
+    database.add_event(time, 2, "started", "");
+    database.add_traffic(time, 2, {});
+    database.add_progress(time, 2, 3);
+  }
+  database.commit();
+  const std::vector<std::string> tables{"poses", "goals", "status", "traffic", "progress"};
+  for (const auto& [before, left] : {std::pair{1, 10}, {4, 7}, {4, 7}, {10, 1}, {11, 0}}) {
+    database.begin();
+    database.forget_before(before);
+    database.commit();
+    for (const std::string& table : tables) {
+      EXPECT_EQ(count(("SELECT count(*) FROM " + table).c_str()), left) << table;
+    }
+    EXPECT_EQ(count("SELECT count(*) FROM events"), left + 1);
+  }
+  EXPECT_EQ(database.finder(), 9);
+  EXPECT_EQ(count("SELECT count(*) FROM tiles"), 1);
+  EXPECT_EQ(database.commit_times().count, 6u);
+}
+
 // The columns of a table as docs/run_database.md lists them, in order.
 std::string documented_columns(const std::string& table) {
   std::ifstream file(IVFM_SOURCE_DIR "/docs/run_database.md");

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <iomanip>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -16,6 +17,7 @@
 #include "host/dashboard/live_state.h"
 #include "host/map_server/map_server.h"
 #include "host/map_server/run_database.h"
+#include "host/map_server/server_metrics.h"
 #include "host/map_server/udp_listener.h"
 
 namespace ivfm::host {
@@ -85,8 +87,8 @@ class LiveView {
   }
   std::string link() const { return page_.url_with_token(); }
 
-  // Ten times a second, whatever the time scale.
-  void update(MapServer& server, TimeUs now_us) {
+  // Ten times a second the map, once a second the metrics, whatever the time scale.
+  void update(MapServer& server, const RunDatabase& database, TimeUs now_us) {
     for (const PageCommand& command : page_.take_commands()) {
       if (command.robot) {
         server.send_command(*command.robot, command.code);
@@ -98,12 +100,16 @@ class LiveView {
     if (now < next_) return;
     next_ = now + std::chrono::milliseconds(100);
     state_.update(server, now_us);
+    if (now < next_metrics_) return;
+    next_metrics_ = now + std::chrono::seconds(1);
+    page_.set_metrics(
+        prometheus_text(server, database.commit_times(), now_us, database.file_bytes()));
   }
 
  private:
   LiveState state_;
   LivePage page_;
-  std::chrono::steady_clock::time_point next_{};
+  std::chrono::steady_clock::time_point next_{}, next_metrics_{};
 };
 
 }  // namespace
@@ -113,7 +119,8 @@ void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostr
   RunDatabase database(options.database);
   const std::uint32_t epoch = database.begin_session(unix_time_us(), options.time_scale);
   const RunClock clock(database.last_time_us(), options.time_scale);
-  const MapServerConfig config;
+  MapServerConfig config;
+  config.retention_us = static_cast<TimeUs>(options.retention_s * 1e6);
   MapServer server(database, listener, epoch, config);
   out << "listening on " << listener.text() << ", writing " << options.database << std::endl;
   std::optional<LiveView> view;
@@ -129,7 +136,7 @@ void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostr
       listener.wait(wait_ms);
       const TimeUs now_us = clock.now_us();
       receive_all(listener, server, now_us);
-      if (view) view->update(server, now_us);
+      if (view) view->update(server, database, now_us);
       server.step(now_us);
       status.say(summary(server, now_us));
     }
@@ -149,6 +156,13 @@ void add_serve_command(CLI::App& app, CommandAction& action) {
       ->capture_default_str();
   command->add_option("--http", options->http,
                       "HOST:PORT of the live page, or PORT for this machine only");
+  command
+      ->add_option("--retention", options->retention_s,
+                   "how long poses, status and traffic are kept, such as 12h or 7d; the map stays "
+                   "[for ever]")
+      ->transform(CLI::AsNumberWithUnit(
+          std::map<std::string, double>{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}}))
+      ->check(CLI::PositiveNumber);
   command->add_option("--time-scale", options->time_scale, "times faster than the wall clock")
       ->check(CLI::Range(0.01, 1000.0))
       ->capture_default_str();

@@ -13,6 +13,7 @@ struct ServeOptions {
   std::string listen = "127.0.0.1:7700";  // HOST:PORT; port 0 takes a free one
   std::string database = "run.db";
   std::string http;         // of the live page; empty: none
+  double retention_s = 0;   // of the log in the database; 0: for ever
   double time_scale = 1.0;  // how many seconds pass for the server in one second
 };
 

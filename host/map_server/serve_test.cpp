@@ -60,7 +60,10 @@ class RunningServer {
   explicit RunningServer(const std::filesystem::path& database)
       : thread_([this, database] {
           std::ostream out(&output_);
-          serve({"127.0.0.1:0", database.string(), "", 1.0}, stop_, out);
+          ServeOptions options;
+          options.listen = "127.0.0.1:0";
+          options.database = database.string();
+          serve(options, stop_, out);
         }) {
     const std::string line = output_.first_line();
     const std::string start = "listening on ";
@@ -147,7 +150,10 @@ TEST(Serve, SaysInOneSentenceWhyItCannotStart) {
     const std::atomic<bool> stop{true};
     std::ostringstream out;
     try {
-      serve({listen, database.string(), "", 1.0}, stop, out);
+      ServeOptions options;
+      options.listen = listen;
+      options.database = database.string();
+      serve(options, stop, out);
     } catch (const std::exception& error) {
       return std::string(error.what());
     }
