@@ -66,6 +66,11 @@ cross-replay: deps
 train: build ## Train a policy and quantize it (hours; ARGS="--help" lists the options)
 	@$(HOST)/host/trainer/ivfm-train --config host/trainer/recipes/default.toml --out out/train $(ARGS)
 
+.PHONY: paper
+paper: build ## Judge every policy as the paper does; writes docs/results.md (hours; goes on when stopped)
+	@$(HOST)/host/cli/ivfm eval --paper --resume out/paper/episodes.csv --markdown docs/results.md \
+	  --commit "$$(git describe --always --dirty)" $(ARGS)
+
 .PHONY: format
 format: deps ## Format every C++ source
 	@toolchains/format.sh

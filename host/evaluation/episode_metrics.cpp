@@ -11,7 +11,7 @@ constexpr double kLocalMapPixels = 128;  // across the local map, in the paper
 constexpr double kSimStepsPerSecond = 240;
 constexpr double kPoseBytes = 6;  // x, y, theta as float16, with each rectangle
 
-constexpr std::array<NamedMetric, 10> kMetrics = {{
+constexpr std::array<NamedMetric, 11> kMetrics = {{
     {"rer", [](const EpisodeMetrics& e) { return std::optional(e.rer); }},
     {"pe", [](const EpisodeMetrics& e) { return e.pe; }},
     {"steps", [](const EpisodeMetrics& e) { return std::optional<double>(e.steps); }},
@@ -21,6 +21,7 @@ constexpr std::array<NamedMetric, 10> kMetrics = {{
     {"distance_m", [](const EpisodeMetrics& e) { return std::optional(e.distance_m); }},
     {"bandwidth_paper_mib",
      [](const EpisodeMetrics& e) { return std::optional(e.bandwidth_paper_mib); }},
+    {"wire_bytes", [](const EpisodeMetrics& e) { return e.wire_bytes; }},
     {"sim_time_s", [](const EpisodeMetrics& e) { return std::optional(e.sim_time_s); }},
     {"collisions", [](const EpisodeMetrics& e) { return std::optional<double>(e.collisions); }},
 }};

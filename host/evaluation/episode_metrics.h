@@ -26,7 +26,8 @@ struct EpisodeMetrics {
   double coverage = 0;
   double distance_m = 0;  // summed over agents
   double bandwidth_paper_mib = 0;
-  double sim_time_s = 0;  // of the busiest agent, at 240 simulation steps a second
+  std::optional<double> wire_bytes;  // of every datagram, where they were sent
+  double sim_time_s = 0;             // of the busiest agent, at 240 simulation steps a second
   std::int64_t collisions = 0;
   std::array<std::optional<double>, kMilestones.size()> milestone_m{};
 

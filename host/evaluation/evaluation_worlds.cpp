@@ -1,5 +1,6 @@
 // Worlds by name for the evaluator: arenas, random buildings, the recorded corridor and map files.
 #include <filesystem>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -8,6 +9,7 @@
 #include "host/environment/random.h"
 #include "host/environment/reachable_area.h"
 #include "host/evaluation/evaluator.h"
+#include "host/evaluation/file_hash.h"
 #include "host/simulator/corridor_world.h"
 #include "host/simulator/map_file.h"
 
@@ -72,11 +74,17 @@ std::vector<Pose> map_starts(const RayCaster& rays, const EnvironmentConfig& con
   return starts;
 }
 
+// What tells two maps apart.
+std::string text_of(const World& world) {
+  return sha256_of({world.occupied.begin(), world.occupied.end()}).substr(0, 12);
+}
+
 EvaluationWorld map_world(const WorldOptions& options, World world, double default_until) {
   EvaluationWorld result;
   result.name = options.name;
   result.config = map_config(options, default_until);
   result.is_map = true;
+  result.identity = ' ' + text_of(world);
   const auto shared = std::make_shared<const World>(std::move(world));
   const auto rays = std::make_shared<const RayCaster>(shared);
   result.scenario = [shared, rays, config = result.config, first = options.start](
@@ -104,9 +112,28 @@ EvaluationWorld arena_world(const WorldOptions& options, ArenaKind kind) {
   return result;
 }
 
-}  // namespace
+// All that was asked for, in one line.
+std::string text_of(const WorldOptions& o) {
+  std::ostringstream text;
+  text << o.name;
+  const auto add = [&](const char* name, const auto& value) {
+    if (value) text << ' ' << name << '=' << *value;
+  };
+  text.precision(12);
+  add("resolution", o.resolution_m);
+  add("until", o.until);
+  add("range", o.sensor_range_m);
+  add("fov", o.fov_deg);
+  if (o.start) {
+    text << " start=" << o.start->position.x_um << ';' << o.start->position.y_um << ';'
+         << o.start->heading.raw();
+  }
+  text << (o.walls_known ? " walls-known" : "") << (o.count_last_view ? " count-last-view" : "")
+       << (o.reroute ? " reroute" : "");
+  return text.str();
+}
 
-EvaluationWorld make_world(const WorldOptions& options) {
+EvaluationWorld named_world(const WorldOptions& options) {
   if (const auto kind = arena_from_name(options.name)) return arena_world(options, *kind);
   if (options.name == "corridor") return map_world(options, corridor_world(), 0.5);
   if (options.name == "building") {
@@ -125,6 +152,14 @@ EvaluationWorld make_world(const WorldOptions& options) {
                                 "the path of a map file (.yaml, .pgm, .png)");
   }
   return map_world(options, load_map_file(options.name, options.resolution_m), 0.99);
+}
+
+}  // namespace
+
+EvaluationWorld make_world(const WorldOptions& options) {
+  EvaluationWorld world = named_world(options);
+  world.identity = text_of(options) + world.identity;
+  return world;
 }
 
 }  // namespace ivfm::host

@@ -1,13 +1,17 @@
 #include "host/evaluation/evaluator.h"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <exception>
 #include <mutex>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "host/environment/random.h"
+#include "host/evaluation/file_hash.h"
 #include "host/evaluation/policies/exploration_policy.h"
 
 namespace ivfm::host {
@@ -19,91 +23,143 @@ std::uint64_t episode_seed(std::uint64_t seed, int episode) {
   return Random(seed, static_cast<std::uint64_t>(episode)).next();
 }
 
-class Worker {
- public:
-  Worker(const EvaluationRequest& request)
-      : request_(request),
-        env_(request.world.config),
-        policy_(make_policy(request.policy, request.world.config, request.model)) {}
-
-  EpisodeMetrics run(int episode) {
-    const std::uint64_t seed = episode_seed(request_.seed, episode);
-    env_.reset(request_.world.scenario(request_.agents, seed));
-    policy_->start_episode(Random(seed, 1).next());
-    std::vector<std::int64_t> sim_steps(static_cast<std::size_t>(env_.agents()), 0);
-    std::array<std::optional<double>, kMilestones.size()> reached{};
-    while (!env_.is_done()) {
-      const int agent = env_.next_agent();
-      sim_steps[static_cast<std::size_t>(agent)] += policy_->act(env_, agent).sim_steps;
-      ++decisions_;
-      for (std::size_t i = 0; i < reached.size(); ++i) {
-        if (reached[i] || env_.totals().coverage() < kMilestones[i]) continue;
-        reached[i] = env_.totals().total_distance_m();
-      }
-    }
-    EpisodeMetrics metrics = measured(env_, sim_steps, request_.state == "vfm" ? 4 : 2);
-    metrics.seed = seed;
-    metrics.milestone_m = reached;
-    return metrics;
-  }
-
-  std::int64_t decisions() const { return decisions_; }
-
- private:
-  const EvaluationRequest& request_;
-  ExplorationEnvironment env_;
-  std::unique_ptr<ExplorationPolicy> policy_;
-  std::int64_t decisions_ = 0;
-};
-
-// What the workers share.
-struct Shared {
-  std::atomic<int> next{0};
+// What the workers of this process share.
+struct Shift {
+  std::vector<int> todo;  // numbers of episodes
+  std::atomic<std::size_t> next{0};
   std::mutex mutex;  // for all below
-  int finished = 0;
+  std::condition_variable changed;
+  std::vector<EpisodeRecord> finished;
+  int working = 0;  // threads
   std::exception_ptr error;
 };
 
-void work(const EvaluationRequest& request, const std::function<void(int)>& progress,
-          Shared& shared, EvaluationResult& result) {
+void work(const EvaluationRequest& request, Shift& shift) {
+  std::exception_ptr error;
   try {
-    const auto started = std::chrono::steady_clock::now();
-    Worker worker(request);
-    for (int i = shared.next++; i < request.episodes; i = shared.next++) {
-      const EpisodeMetrics metrics = worker.run(i);
-      const std::lock_guard lock(shared.mutex);
-      if (shared.error) return;
-      result.episodes[static_cast<std::size_t>(i)] = metrics;
-      ++shared.finished;
-      if (progress) progress(shared.finished);
+    ExplorationEnvironment env(request.world.config);
+    const auto policy = make_policy(request.policy, request.world.config, request.model);
+    for (std::size_t i = shift.next++; i < shift.todo.size(); i = shift.next++) {
+      const EpisodeRecord record = play_episode(request, env, *policy, shift.todo[i]);
+      const std::lock_guard lock(shift.mutex);
+      shift.finished.push_back(record);
+      shift.changed.notify_one();
     }
-    const std::chrono::duration<double> busy = std::chrono::steady_clock::now() - started;
-    const std::lock_guard lock(shared.mutex);
-    result.decisions += worker.decisions();
-    result.busy_s += busy.count();
   } catch (...) {
-    const std::lock_guard lock(shared.mutex);
-    if (!shared.error) shared.error = std::current_exception();
-    shared.next = request.episodes;
+    error = std::current_exception();
+    shift.next = shift.todo.size();
   }
+  const std::lock_guard lock(shift.mutex);
+  if (!shift.error) shift.error = error;
+  --shift.working;
+  shift.changed.notify_one();
+}
+
+// Waits a moment for finished episodes and takes them. `is_over`: no thread works any more.
+std::vector<EpisodeRecord> take_finished(Shift& shift, bool& is_over) {
+  std::unique_lock lock(shift.mutex);
+  shift.changed.wait_for(lock, std::chrono::milliseconds(10));
+  if (shift.error) {
+    shift.next = shift.todo.size();
+    std::rethrow_exception(shift.error);
+  }
+  is_over = shift.working == 0;
+  return std::exchange(shift.finished, {});
+}
+
+// The episodes that this process has to play.
+std::vector<int> share_of(const ProcessGroup& group, const EpisodeStore::Episodes& known,
+                          int episodes) {
+  std::vector<int> share;
+  for (int i = group.rank(); i < episodes; i += group.size()) {
+    if (!known.contains(i)) share.push_back(i);
+  }
+  return share;
+}
+
+EvaluationResult result_of(const EpisodeStore::Episodes& played, int episodes) {
+  EvaluationResult result;
+  for (const auto& [number, record] : played) {
+    if (number >= episodes) break;
+    result.episodes.push_back(record.metrics);
+    result.decisions += record.decisions;
+    result.busy_s += record.busy_s;
+  }
+  return result;
 }
 
 }  // namespace
 
+std::string key_of(const EvaluationRequest& request) {
+  static const std::string program = sha256_of_file("/proc/self/exe").substr(0, 12);
+  std::string key = program + ' ' + request.world.identity + ' ' + request.policy;
+  if (!request.model.empty()) key += '@' + sha256_of_file(request.model).substr(0, 12);
+  key += ' ' + request.state + " agents=" + std::to_string(request.agents) +
+         " seed=" + std::to_string(request.seed);
+  std::ranges::replace_if(
+      key, [](char c) { return c == ',' || c == '\n' || c == '\r'; }, '_');
+  return key;
+}
+
+EpisodeRecord play_episode(const EvaluationRequest& request, ExplorationEnvironment& env,
+                           ExplorationPolicy& policy, int episode, const ActionObserver& observe) {
+  const auto started = std::chrono::steady_clock::now();
+  const std::uint64_t seed = episode_seed(request.seed, episode);
+  env.reset(request.world.scenario(request.agents, seed));
+  policy.start_episode(Random(seed, 1).next());
+  std::int64_t decisions = 0;
+  std::vector<std::int64_t> sim_steps(static_cast<std::size_t>(env.agents()), 0);
+  std::array<std::optional<double>, kMilestones.size()> reached{};
+  while (!env.is_done()) {
+    const int agent = env.next_agent();
+    const StepResult result = policy.act(env, agent);
+    sim_steps[static_cast<std::size_t>(agent)] += result.sim_steps;
+    ++decisions;
+    if (observe) observe(env, agent, result);
+    for (std::size_t i = 0; i < reached.size(); ++i) {
+      if (reached[i] || env.totals().coverage() < kMilestones[i]) continue;
+      reached[i] = env.totals().total_distance_m();
+    }
+  }
+  EpisodeMetrics metrics = measured(env, sim_steps, request.state == "vfm" ? 4 : 2);
+  metrics.seed = seed;
+  metrics.milestone_m = reached;
+  const std::chrono::duration<double> busy = std::chrono::steady_clock::now() - started;
+  return {episode, metrics, decisions, busy.count()};
+}
+
+EvaluationResult evaluate(const EvaluationRequest& request, EpisodeStore& store,
+                          ProcessGroup& group, const std::function<void(int)>& progress) {
+  if (request.episodes < 1) throw std::invalid_argument("--episodes must be at least 1");
+  const std::string key = key_of(request);
+  Shift shift;
+  shift.todo = share_of(group, store.episodes(key), request.episodes);
+  shift.working = request.threads;
+  std::vector<std::jthread> threads;
+  for (int i = 0; i < request.threads; ++i) threads.emplace_back([&] { work(request, shift); });
+  for (bool is_over = false; !is_over;) {
+    for (const EpisodeRecord& record : take_finished(shift, is_over)) {
+      const std::string line = to_line(key, record);
+      if (group.is_first()) {
+        store.add(line);
+      } else {
+        group.send_to_first(line);
+      }
+    }
+    if (!group.is_first()) continue;
+    while (const auto line = group.receive()) store.add(*line);
+    const int finished = store.count(key, request.episodes);
+    is_over = finished == request.episodes;
+    if (progress) progress(finished);
+  }
+  return group.is_first() ? result_of(store.episodes(key), request.episodes) : EvaluationResult();
+}
+
 EvaluationResult evaluate(const EvaluationRequest& request,
                           const std::function<void(int)>& progress) {
-  if (request.episodes < 1) throw std::invalid_argument("--episodes must be at least 1");
-  EvaluationResult result;
-  result.episodes.resize(static_cast<std::size_t>(request.episodes));
-  Shared shared;
-  std::vector<std::jthread> threads;
-  for (int i = 1; i < request.threads; ++i) {
-    threads.emplace_back([&] { work(request, progress, shared, result); });
-  }
-  work(request, progress, shared, result);
-  threads.clear();  // joins
-  if (shared.error) std::rethrow_exception(shared.error);
-  return result;
+  EpisodeStore store;
+  ProcessGroup alone;
+  return evaluate(request, store, alone, progress);
 }
 
 }  // namespace ivfm::host

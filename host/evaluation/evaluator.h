@@ -1,4 +1,5 @@
-// Runs episodes of one policy in one world on several threads; the result does not depend on them.
+// Runs episodes of one policy in one world on several threads and processes; the result does not
+// depend on how many.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +11,9 @@
 
 #include "host/environment/exploration_environment.h"
 #include "host/evaluation/episode_metrics.h"
+#include "host/evaluation/episode_store.h"
+#include "host/evaluation/policies/exploration_policy.h"
+#include "host/evaluation/process_group.h"
 
 namespace ivfm::host {
 
@@ -18,7 +22,8 @@ struct EvaluationWorld {
   std::string name;
   EnvironmentConfig config;
   std::function<Scenario(int agents, std::uint64_t seed)> scenario;
-  bool is_map = false;  // explored to a share of its area, instead of searched for a target
+  bool is_map = false;   // explored to a share of its area, instead of searched for a target
+  std::string identity;  // name, options and content: what an episode here depends on
 };
 
 struct WorldOptions {
@@ -48,14 +53,31 @@ struct EvaluationRequest {
   int threads = 1;
 };
 
+// What an episode depends on besides its number: program, world, policy, model, team and seed.
+// Holds no comma and no line break. Throws std::runtime_error when the model cannot be read.
+std::string key_of(const EvaluationRequest& request);
+
 struct EvaluationResult {
   std::vector<EpisodeMetrics> episodes;  // in the order of their numbers
   std::int64_t decisions = 0;
   double busy_s = 0;  // wall time, summed over threads
 };
 
-// `progress` is called with the number of finished episodes, from any one thread at a time.
-// Throws what make_policy() and random worlds throw.
+// Called after each action.
+using ActionObserver =
+    std::function<void(const ExplorationEnvironment&, int agent, const StepResult&)>;
+
+// Plays one episode by its number. `env` has the world's configuration, `policy` is the request's.
+EpisodeRecord play_episode(const EvaluationRequest& request, ExplorationEnvironment& env,
+                           ExplorationPolicy& policy, int episode,
+                           const ActionObserver& observe = {});
+
+// Plays what `store` does not hold yet, the processes of `group` side by side, and adds it there.
+// `progress` is called with the number of finished episodes. The first process answers the result,
+// the others an empty one. Throws what make_policy() and random worlds throw.
+EvaluationResult evaluate(const EvaluationRequest& request, EpisodeStore& store,
+                          ProcessGroup& group, const std::function<void(int)>& progress = {});
+// The same on this process alone, keeping nothing.
 EvaluationResult evaluate(const EvaluationRequest& request,
                           const std::function<void(int)>& progress = {});
 

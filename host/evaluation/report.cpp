@@ -55,10 +55,7 @@ std::string to_json(const EvaluationRequest& request, const EvaluationResult& re
                {"not_found", not_found(result)}};
   json["decisions_per_s"] = with_timing ? Json(decisions_per_s(result)) : Json(nullptr);
   json["local_map_width_m"] = local_map_width_m(request.world.config);
-  for (const NamedMetric& metric : metrics()) {
-    json[metric.name] = summary(metric, result);
-    if (std::string_view(metric.name) == "bandwidth_paper_mib") json["wire_bytes"] = nullptr;
-  }
+  for (const NamedMetric& metric : metrics()) json[metric.name] = summary(metric, result);
   if (request.world.is_map) {
     for (const NamedMetric& metric : milestone_metrics()) {
       json[metric.name] = summary(metric, result);

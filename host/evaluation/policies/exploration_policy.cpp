@@ -20,6 +20,14 @@ const std::vector<std::string>& policy_names() {
   return names;
 }
 
+std::vector<std::string> baseline_names() {
+  std::vector<std::string> names;
+  for (const std::string& name : policy_names()) {
+    if (!name.starts_with("qnet") && name != "random-released") names.push_back(name);
+  }
+  return names;
+}
+
 std::unique_ptr<ExplorationPolicy> make_policy(const std::string& name,
                                                const EnvironmentConfig& config,
                                                const std::filesystem::path& model) {

@@ -23,6 +23,8 @@ class ExplorationPolicy {
 
 // The names that make_policy() knows, in the order of the documentation.
 const std::vector<std::string>& policy_names();
+// Those of them that are opponents: not learned, and without knowledge of the world.
+std::vector<std::string> baseline_names();
 
 // Throws std::invalid_argument for an unknown name (the message lists the known ones), and
 // std::runtime_error when `model` is needed and cannot be used. `model`: an .ivfm file for `qnet`,

@@ -1,0 +1,188 @@
+#include "host/evaluation/paper_evaluation.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace ivfm::host {
+
+namespace {
+
+// Worlds of the paired comparison: the arenas and generated buildings.
+constexpr std::array<const char*, 4> kComparedWorlds = {"1x", "divider", "2x", "building"};
+
+// A figure of the tables that the paper has too.
+struct Figure {
+  const char* metric;
+  std::optional<PaperValue> (*paper)(const PaperRow&);
+  int digits;
+  bool less_is_better;
+  bool is_judged;  // marked when ours is better
+};
+
+constexpr std::array<Figure, 6> kFigures = {{
+    {"rer", [](const PaperRow& r) { return std::optional(r.rer); }, 3, true, true},
+    {"pe", [](const PaperRow& r) { return std::optional(r.pe); }, 0, false, true},
+    {"steps", [](const PaperRow& r) { return std::optional(r.steps); }, 1, true, true},
+    {"overlap", [](const PaperRow& r) { return r.overlap; }, 2, true, false},
+    {"bandwidth_paper_mib", [](const PaperRow& r) { return r.bandwidth_mib; }, 2, true, false},
+    {"coverage", [](const PaperRow& r) { return std::optional(r.coverage); }, 3, false, false},
+}};
+
+const NamedMetric& metric_named(std::string_view name) {
+  const auto all = metrics();
+  return *std::ranges::find_if(all, [&](const NamedMetric& m) { return name == m.name; });
+}
+
+// The better of the learned policies' figures; nothing where there is none.
+std::optional<double> best_of_paper(const Figure& figure, const PaperSetting& setting) {
+  std::optional<double> best;
+  for (const PaperRow& row : setting.rows) {
+    const auto value = figure.paper(row);
+    if (!row.is_learned || !value) continue;
+    if (!best || (value->mean < *best) == figure.less_is_better) best = value->mean;
+  }
+  return best;
+}
+
+std::optional<int> best_not_found(const PaperSetting& setting) {
+  std::optional<int> best;
+  for (const PaperRow& row : setting.rows) {
+    if (row.is_learned && row.not_found)
+      best = std::min(best.value_or(*row.not_found), *row.not_found);
+  }
+  return best;
+}
+
+std::string mean_and_error(const MeanStd& value, int digits) {
+  if (value.count == 0) return "–";
+  const double n = static_cast<double>(value.count);
+  return with_error(value.mean, value.std / std::sqrt(n), digits);
+}
+
+TextTable::Row paper_row(const PaperSetting& setting, const PaperRow& row) {
+  TextTable::Row out = {{"paper: " + row.policy}, {std::to_string(setting.agents)}};
+  const double found = kPaperEpisodes - row.not_found.value_or(0);
+  for (const Figure& figure : kFigures) {
+    const auto value = figure.paper(row);
+    TextTable::Entry entry{"–"};
+    if (value) {
+      // How many runs the real corridor had is not said: standard deviations there.
+      const double error = row.not_found ? value->std / std::sqrt(found) : value->std;
+      entry.text = value->std == 0 ? "> " + fixed(value->mean, figure.digits)
+                                   : with_error(value->mean, error, figure.digits);
+      if (row.pe_is_artefact && std::string_view(figure.metric) == "pe")
+        entry.text += " (artefact)";
+      entry.is_best = row.is_learned && figure.is_judged && setting.rows.size() > 1 &&
+                      value->mean == best_of_paper(figure, setting);
+    }
+    out.push_back(entry);
+  }
+  TextTable::Entry not_found{row.not_found ? std::to_string(*row.not_found) : "–"};
+  not_found.is_best = row.is_learned && row.not_found && row.not_found == best_not_found(setting);
+  out.push_back(not_found);
+  for (int i = 0; i < 4; ++i) out.push_back({"–"});
+  return out;
+}
+
+TextTable::Row our_row(const PaperSetting& setting, const Outcome& outcome) {
+  TextTable::Row out = {{outcome.contestant.label}, {std::to_string(setting.agents)}};
+  const std::span<const EpisodeMetrics> episodes = outcome.result.episodes;
+  for (const Figure& figure : kFigures) {
+    const MeanStd value = summarized(metric_named(figure.metric), episodes);
+    const bool applies = setting.agents > 1 || std::string_view(figure.metric) != "overlap";
+    TextTable::Entry entry{applies ? mean_and_error(value, figure.digits) : "–"};
+    const auto best = best_of_paper(figure, setting);
+    entry.is_better = figure.is_judged && best && value.count > 0 && value.mean != *best &&
+                      (value.mean < *best) == figure.less_is_better;
+    out.push_back(entry);
+  }
+  const std::int64_t lost = not_found(episodes);
+  const auto best_lost = best_not_found(setting);
+  out.push_back({std::to_string(lost), false,
+                 best_lost && (lost < *best_lost || (lost == 0 && *best_lost == 0))});
+  for (const auto& [name, digits] :
+       {std::pair{"makespan", 1}, {"distance_m", 2}, {"collisions", 1}}) {
+    out.push_back({mean_and_error(summarized(metric_named(name), episodes), digits)});
+  }
+  MeanStd wire = summarized(metric_named("wire_bytes"), episodes);
+  wire.mean /= 1024 * 1024;
+  wire.std /= 1024 * 1024;
+  out.push_back({mean_and_error(wire, 3)});
+  return out;
+}
+
+}  // namespace
+
+EvaluationRequest request_for(const PaperRequest& paper, const std::string& world, int agents,
+                              const Contestant& contestant, int episodes) {
+  WorldOptions options;
+  options.name = world;
+  EvaluationRequest request;
+  request.world = make_world(options);
+  request.policy = contestant.policy;
+  request.model = contestant.model;
+  request.state = contestant.state;
+  request.agents = agents;
+  request.episodes = episodes;
+  request.seed = paper.seed;
+  request.threads = paper.threads;
+  return request;
+}
+
+PaperOutcome evaluate_paper(const PaperRequest& request, EpisodeStore& store, ProcessGroup& group,
+                            const std::function<void(int, int)>& progress) {
+  const auto settings = paper_settings();
+  const bool compares = request.compared_episodes > 0;
+  const int worlds = compares ? static_cast<int>(kComparedWorlds.size()) : 0;
+  const int wanted =
+      static_cast<int>(request.contestants.size()) *
+      (static_cast<int>(settings.size()) * request.episodes + worlds * request.compared_episodes);
+  int finished = 0;
+  const auto play = [&](const std::string& world, int agents, int episodes) {
+    std::vector<Outcome> outcomes;
+    for (const Contestant& contestant : request.contestants) {
+      const EvaluationRequest row = request_for(request, world, agents, contestant, episodes);
+      const auto report = [&](int done) {
+        if (progress) progress(finished + done, wanted);
+      };
+      outcomes.push_back({contestant, evaluate(row, store, group, report)});
+      finished += episodes;
+    }
+    return outcomes;
+  };
+  PaperOutcome outcome;
+  for (const PaperSetting& setting : settings) {
+    outcome.settings.push_back({&setting, play(setting.world, setting.agents, request.episodes)});
+  }
+  for (int i = 0; i < worlds; ++i) {
+    const char* world = kComparedWorlds[static_cast<std::size_t>(i)];
+    outcome.compared.push_back({world, play(world, 1, request.compared_episodes)});
+  }
+  return group.is_first() ? outcome : PaperOutcome();
+}
+
+TextTable setting_table(std::span<const SettingOutcome> settings, const std::string& table) {
+  TextTable out;
+  out.header = {"policy",   "agents",        "RER",       "PE",        "steps",
+                "overlap",  "MiB (formula)", "coverage",  "not found", "makespan",
+                "m driven", "collisions",    "MiB (wire)"};
+  for (const SettingOutcome& setting : settings) {
+    if (setting.paper->table != table) continue;
+    for (const PaperRow& row : setting.paper->rows) {
+      out.rows.push_back(paper_row(*setting.paper, row));
+    }
+    for (const Outcome& ours : setting.ours) out.rows.push_back(our_row(*setting.paper, ours));
+  }
+  return out;
+}
+
+std::vector<std::string> paper_table_names() {
+  std::vector<std::string> names;
+  for (const PaperSetting& setting : paper_settings()) {
+    if (names.empty() || names.back() != setting.table) names.push_back(setting.table);
+  }
+  return names;
+}
+
+}  // namespace ivfm::host
