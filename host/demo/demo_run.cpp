@@ -53,7 +53,7 @@ fs::path find_agent(const fs::path& given) {
   return *found;
 }
 
-std::vector<Trajectory> trajectories_of(const std::vector<TruthRow>& truth) {
+std::vector<Trajectory> true_paths(const std::vector<TruthRow>& truth) {
   std::map<int, Trajectory> by_robot;
   for (const TruthRow& row : truth) {
     Trajectory& trajectory = by_robot[row.robot];
@@ -96,6 +96,17 @@ std::vector<MapCell> ros_cells(const LayerMap& map) {
   return cells;
 }
 
+// The log tools know only the database, this run's judge also the world and the agents' telemetry.
+bool figures_agree(const DemoResult& result, const RunData& run) {
+  const auto equal = [](double a, double b) { return std::abs(a - b) <= 1e-9 * std::abs(a); };
+  const RunScores& mine = result.scores;
+  return equal(mine.explored_m2, run.scores.explored_m2) &&
+         equal(mine.repeat_rate, run.scores.repeat_rate) &&
+         equal(mine.overlap, run.scores.overlap) &&
+         equal(mine.pixels_per_metre, run.scores.pixels_per_metre) &&
+         equal(mine.coverage, run.scores.coverage);
+}
+
 const char* yes_no(bool good) { return good ? "yes" : "NO"; }
 
 }  // namespace
@@ -122,9 +133,10 @@ DemoResult DemoRun::run() {
   std::printf("robots stop and hand over their maps\n");
   std::fflush(stdout);
   fleet.stop();
-  const DemoResult result = judge(fleet);
-  write_pictures(result);
-  write_report(result);
+  DemoResult result = judge(fleet);
+  save_outcome(result);
+  result.figures_agree = figures_agree(result, load_run(options_.out / "run.db"));
+  write_report(result, write_pictures(result));
   print_table(result);
   return result;
 }
@@ -249,9 +261,9 @@ DemoResult DemoRun::judge(const Fleet& fleet) const {
   return result;
 }
 
-void DemoRun::write_pictures(const DemoResult& result) const {
+cv::Mat DemoRun::write_pictures(const DemoResult& result) const {
   const LayerMap merged = load_merged_map(options_.out / "run.db");
-  if (merged.bounds.empty()) return;
+  if (merged.bounds.empty()) return {};
   PictureOptions picture;
   picture.title =
       std::to_string(options_.world.robots) + " robots explore the world " + world_.world.name;
@@ -260,65 +272,66 @@ void DemoRun::write_pictures(const DemoResult& result) const {
                      text_of("%.1f m driven, ", result.driven_m) +
                      std::to_string(result.collisions) + " collisions, policy " + options_.policy;
   picture.world = &world_.world;
-  write_png(options_.out / "map.png",
-            draw_map_picture(to_picture_layers(merged), trajectories_of(result.truth), picture));
+  std::vector<Trajectory> trajectories = true_paths(result.truth);
+  const std::vector<Trajectory> told = trajectories_of(load_run(options_.out / "run.db"));
+  for (std::size_t i = 0; i < std::min(told.size(), trajectories.size()); ++i) {
+    trajectories[i].goals = told[i].goals;
+  }
+  const cv::Mat map = draw_map_picture(to_picture_layers(merged), trajectories, picture);
+  write_png(options_.out / "map.png", map);
   write_map_file(options_.out / "map.yaml", GridFrame(merged.cell_um, merged.bounds),
                  ros_cells(merged));
+  return map;
 }
 
-void DemoRun::write_report(const DemoResult& result) const {
-  const RunScores& scores = result.scores;
-  DemoReport report;
-  report.title =
+// What this run's judge knows and the server does not: so `ivfm log` reports the same figures.
+void DemoRun::save_outcome(const DemoResult& result) const {
+  RunDatabase database(options_.out / "run.db");
+  database.begin();
+  database.save_outcome("coverage", result.scores.coverage);
+  database.save_outcome("explorable_m2", static_cast<double>(meter_.explorable_cells()) *
+                                             (kCellUm / 1e6) * (kCellUm / 1e6));
+  database.save_outcome("driven_m", result.driven_m);
+  database.save_outcome("collisions", result.collisions);
+  database.save_outcome("rer", result.scores.repeat_rate);
+  database.save_outcome("pe", result.scores.pixels_per_metre);
+  database.save_outcome("overlap", result.scores.overlap);
+  database.save_outcome("maps_equal", result.comparison.equal() ? 1 : 0);
+  database.commit();
+}
+
+std::vector<Verdict> DemoRun::verdicts_of(const DemoResult& result) const {
+  return {{result.goal_reached, text_of("%.0f %% explored", options_.until * 100)},
+          {result.collisions == 0, std::to_string(result.collisions) + " collisions"},
+          {result.comparison.equal(), result.comparison.equal()
+                                          ? "server's map equals the sum of the robots' maps"
+                                          : "maps differ: " + result.comparison.first_difference},
+          {result.figures_agree, "the database gives the same figures"},
+          {result.failure.empty(),
+           result.failure.empty() ? "every process ended properly" : result.failure}};
+}
+
+void DemoRun::write_report(const DemoResult& result, const cv::Mat& map) const {
+  ReportExtras extras;
+  extras.title =
       std::to_string(options_.world.robots) + " robots explore the world " + world_.world.name;
-  report.subtitle =
+  extras.subtitle =
       "Software in the loop: the robots' own program, a simulated lidar and "
       "simulated wheel drives each, and the real map server. Policy " +
       options_.policy + ", seed " + std::to_string(options_.world.seed) + ".";
-  report.verdicts = {
-      {result.goal_reached, text_of("%.0f %% explored", options_.until * 100)},
-      {result.collisions == 0, std::to_string(result.collisions) + " collisions"},
-      {result.comparison.equal(), result.comparison.equal()
-                                      ? "server's map equals the sum of the robots' maps"
-                                      : "maps differ: " + result.comparison.first_difference},
-      {result.failure.empty(),
-       result.failure.empty() ? "every process ended properly" : result.failure}};
-  report.figures = {
-      {text_of("%.1f %%", scores.coverage * 100), "explored",
-       text_of("%.0f m² of the free space", scores.explored_m2)},
-      {text_of("%.0f s", result.simulated_s), "robots' time",
-       text_of("%.0f s of real time in all", result.real_s)},
-      {text_of("%.1f m", result.driven_m), "driven", "all robots together"},
-      {std::to_string(sum(result.agents, &AgentReport::actions)), "actions", "goals driven to"},
-      {text_of("%.2f", scores.repeat_rate), "RER", "repeated visits a cell"},
-      {text_of("%.0f", scores.pixels_per_metre), "PE", "pixels of 1/128 m seen a metre"},
-      {text_of("%.1f %%", scores.overlap * 100), "overlap", "seen by two or more robots"},
-      {bytes_text(sum(result.agents, &AgentReport::bytes_sent)), "sent by radio",
-       bytes_text(sum(result.agents, &AgentReport::bytes_received)) + " received"}};
-  if (fs::exists(options_.out / "map.png")) report.map_picture = options_.out / "map.png";
-  report.goal = options_.until;
-  report.progress = progress_;
-  report.table_head = {"robot",      "driven",    "actions",  "lidar scans", "resyncs",
-                       "CAN frames", "radio out", "radio in", "sent again",  "slowest decision"};
-  for (std::size_t i = 0; i < result.agents.size(); ++i) {
-    const AgentReport& agent = result.agents[i];
-    report.table.push_back({"robot " + std::to_string(i + 1), text_of("%.1f m", agent.driven_m),
-                            std::to_string(agent.actions), std::to_string(agent.scans),
-                            std::to_string(agent.resyncs), std::to_string(agent.can_frames),
-                            bytes_text(agent.bytes_sent), bytes_text(agent.bytes_received),
-                            std::to_string(agent.retransmissions),
-                            text_of("%.1f ms", agent.slowest_decision_ms)});
-  }
-  report.files = {{"map.png", "the merged map as in this report", ""},
-                  {"map.yaml, map.pgm", "the merged map for ROS map_server", ""},
-                  {"run.db", "the run database of the map server (SQLite)", ""},
-                  {"can.log", "every CAN frame, in candump's format", ""},
-                  {"truth.csv", "where the robots really were, ten times a second", ""},
-                  {"robotN.map", "what each robot held at the end", ""},
-                  {"logs/", "what each process said", ""}};
-  report.command = options_.command_line;
+  extras.verdicts = verdicts_of(result);
+  extras.goal = options_.until;
+  extras.files = {{"map.png", "the merged map as in this report"},
+                  {"map.yaml, map.pgm", "the merged map for ROS map_server"},
+                  {"run.db", "the run database of the map server (SQLite)"},
+                  {"can.log", "every CAN frame, in candump's format"},
+                  {"truth.csv", "where the robots really were, ten times a second"},
+                  {"robotN.map", "what each robot held at the end"},
+                  {"logs/", "what each process said"}};
+  extras.command = options_.command_line;
+  const fs::path database = options_.out / "run.db";
   std::ofstream out(options_.out / "report.html");
-  out << render_report(report);
+  out << render_run_report(load_run(database), load_timeline(database), map, extras);
   out.close();
   if (!out) {
     throw std::runtime_error((options_.out / "report.html").string() + " cannot be written");
@@ -345,6 +358,7 @@ void DemoRun::print_table(const DemoResult& result) const {
               yes_no(result.comparison.equal()),
               static_cast<unsigned long long>(result.comparison.cells_compared),
               result.comparison.equal() ? "" : ": ", result.comparison.first_difference.c_str());
+  std::printf("the database gives the same figures: %s\n", yes_no(result.figures_agree));
   if (!result.failure.empty()) std::printf("failed: %s\n", result.failure.c_str());
   std::printf("\nmap     %s\nreport  %s\n", (options_.out / "map.png").c_str(),
               (options_.out / "report.html").c_str());

@@ -9,10 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "host/demo/demo_report.h"
 #include "host/demo/fleet.h"
 #include "host/demo/run_scores.h"
-#include "host/log_analysis/map_picture.h"
+#include "host/log_analysis/run_report.h"
 #include "host/map_server/map_reader.h"
 #include "host/simulator/truth_log.h"
 #include "host/simulator/world_catalog.h"
@@ -34,6 +33,13 @@ struct DemoOptions {
   std::string command_line;  // for the report
 };
 
+// The fleet at one moment of the run.
+struct ProgressPoint {
+  double time_s = 0;    // simulated
+  double explored = 0;  // share 0..1
+  double driven_m = 0;
+};
+
 // How the run ended.
 struct DemoResult {
   RunScores scores;
@@ -45,10 +51,12 @@ struct DemoResult {
   double simulated_s = 0;
   double real_s = 0;
   bool goal_reached = false;
-  std::string failure;  // of a process, empty when all ended properly
+  bool figures_agree = false;  // with those that the log tools compute from the database
+  std::string failure;         // of a process, empty when all ended properly
 
   bool good() const {
-    return goal_reached && collisions == 0 && comparison.equal() && failure.empty();
+    return goal_reached && collisions == 0 && comparison.equal() && figures_agree &&
+           failure.empty();
   }
 };
 
@@ -67,8 +75,10 @@ class DemoRun {
   void explore(Fleet& fleet);
   void report_progress(const Fleet& fleet);
   DemoResult judge(const Fleet& fleet) const;
-  void write_pictures(const DemoResult& result) const;
-  void write_report(const DemoResult& result) const;
+  void save_outcome(const DemoResult& result) const;
+  cv::Mat write_pictures(const DemoResult& result) const;
+  std::vector<Verdict> verdicts_of(const DemoResult& result) const;
+  void write_report(const DemoResult& result, const cv::Mat& map) const;
   void print_table(const DemoResult& result) const;
   double real_seconds() const;
 

@@ -8,8 +8,6 @@
 namespace ivfm::host {
 namespace {
 
-constexpr double kPixelsPerSquareMetre = 128.0 * 128.0;
-
 CellRect world_cells(const World& world, std::int32_t cell_um) {
   const GridFrame grid(cell_um, {});
   const Cell low = grid.cell_at(world.origin);

@@ -33,6 +33,9 @@ class CoverageMeter {
   std::uint64_t explorable_cells_ = 0;
 };
 
+// The paper's pixels are 1/128 m wide.
+inline constexpr double kPixelsPerSquareMetre = 128.0 * 128.0;
+
 struct RunScores {
   double coverage = 0;          // share of the explorable cells visited
   double explored_m2 = 0;       // visited cells

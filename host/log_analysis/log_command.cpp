@@ -1,24 +1,21 @@
 #include "host/log_analysis/log_command.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "host/demo/demo_report.h"
-#include "host/log_analysis/run_summary.h"
+#include "host/cli/progress_line.h"
+#include "host/log_analysis/run_compare.h"
+#include "host/log_analysis/run_report.h"
+#include "host/log_analysis/run_video.h"
 
 namespace ivfm::host {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::size_t kMostEventsInReport = 200;
 
 std::string text_of(const char* format, double value) {
   char text[64];
@@ -26,101 +23,26 @@ std::string text_of(const char* format, double value) {
   return text;
 }
 
-std::string kib(std::uint64_t bytes) {
-  return text_of("%.1f KiB", static_cast<double>(bytes) / 1024);
-}
-
-std::string describe(const RunSummary& run) {
-  return std::to_string(run.robots.size()) + (run.robots.size() == 1 ? " robot, " : " robots, ") +
-         text_of("%.0f s, ", run.time_s) + text_of("%.1f m² explored, ", run.scores.explored_m2) +
-         text_of("%.1f m driven", run.driven_m);
-}
-
-cv::Mat draw_run(const fs::path& database, const RunSummary& run) {
-  const LayerMap merged = load_merged_map(database);
-  if (merged.bounds.empty()) {
-    throw std::runtime_error("run database '" + database.string() +
-                             "' holds no map: no robot has sent one");
+RunData load_with_progress(const fs::path& database) {
+  ProgressLine line(100, "% of " + database.filename().string());
+  RunData run = load_run(database, [&line](std::uint64_t percent) { line(percent); });
+  for (const std::string& warning : run.warnings) {
+    std::cerr << "ivfm log: " << database.string() << ": " << warning << '\n';
   }
-  PictureOptions picture;
-  picture.title = database.filename().string();
-  picture.subtitle = describe(run);
-  return draw_map_picture(to_picture_layers(merged), load_trajectories(database), picture);
+  return run;
 }
 
-std::vector<ReportFigure> figures_of(const RunSummary& run) {
-  std::uint64_t in = 0, out = 0, actions = 0;
-  for (const RobotSummary& robot : run.robots) {
-    in += robot.traffic.bytes_in;
-    out += robot.traffic.bytes_out;
-    actions += robot.actions;
-  }
-  return {{text_of("%.1f m²", run.scores.explored_m2), "explored",
-           std::to_string(run.explored_cells) + " cells"},
-          {text_of("%.0f s", run.time_s), "run time", "on the server's clock"},
-          {text_of("%.1f m", run.driven_m), "driven", "all robots, by odometry"},
-          {std::to_string(actions), "actions", "goals driven to"},
-          {text_of("%.2f", run.scores.repeat_rate), "RER", "repeated visits a cell"},
-          {text_of("%.0f", run.scores.pixels_per_metre), "PE", "pixels of 1/128 m seen a metre"},
-          {text_of("%.1f %%", run.scores.overlap * 100), "overlap", "seen by two or more robots"},
-          {kib(in), "from the robots", kib(out) + " to them"}};
+void write_text(const fs::path& path, const std::string& text) {
+  std::ofstream out(path, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw std::runtime_error("'" + path.string() + "' cannot be written");
 }
 
-// The share of what was seen in the end: a database does not know how large the world is.
-std::vector<ProgressPoint> progress_of(const RunSummary& run) {
-  std::vector<ProgressPoint> points;
-  const double end = run.progress.empty() ? 0 : run.progress.back().explored_m2;
-  const double most = std::max({end, run.scores.explored_m2, 1e-9});
-  for (const ProgressRow& row : run.progress)
-    points.push_back({row.time_s, row.explored_m2 / most, 0});
-  return points;
+void write_video(const fs::path& database, const fs::path& mp4, const VideoOptions& options) {
+  ProgressLine line(static_cast<std::uint64_t>(options.length_s * options.frames_per_s), "frames");
+  write_run_video(database, mp4, options, [&line](std::uint64_t done) { line(done); });
 }
-
-std::vector<ReportFigure> events_of(const fs::path& database) {
-  std::vector<ReportFigure> rows;
-  const std::vector<TimelineEntry> entries = load_timeline(database);
-  for (const TimelineEntry& entry : entries) {
-    if (rows.size() == kMostEventsInReport) {
-      rows.push_back(
-          {"...", std::to_string(entries.size() - rows.size()) + " more: ivfm log timeline", ""});
-      break;
-    }
-    const std::string who = entry.robot ? "robot " + std::to_string(*entry.robot) + ": " : "";
-    rows.push_back({text_of("%.1f s", entry.time_s), who + entry.text, ""});
-  }
-  return rows;
-}
-
-DemoReport report_of(const fs::path& database, const RunSummary& run, const fs::path& picture) {
-  DemoReport report;
-  report.title = "Run " + database.filename().string();
-  report.subtitle = describe(run) + ".";
-  report.figures = figures_of(run);
-  report.map_picture = picture;
-  report.progress_title = "Explored over time (100 % is what was seen in the end)";
-  report.progress = progress_of(run);
-  report.table_head = {"robot",      "driven",   "actions",    "state at the end",
-                       "from robot", "to robot", "sent again", "slowest decision"};
-  for (const RobotSummary& robot : run.robots) {
-    report.table.push_back(
-        {robot.name, text_of("%.1f m", robot.driven_m), std::to_string(robot.actions),
-         robot.last_state, kib(robot.traffic.bytes_in), kib(robot.traffic.bytes_out),
-         std::to_string(robot.retransmissions), text_of("%.1f ms", robot.slowest_decision_ms)});
-  }
-  report.events = events_of(database);
-  return report;
-}
-
-// A file that is gone at the end of its scope.
-struct ScratchPicture {
-  fs::path path;
-  explicit ScratchPicture(const fs::path& beside)
-      : path(beside.string() + "." + std::to_string(::getpid()) + ".png") {}
-  ~ScratchPicture() {
-    std::error_code none;
-    fs::remove(path, none);
-  }
-};
 
 std::string cell_text(const SqliteStatement& row, int column) {
   if (row.is_null(column)) return "";
@@ -147,43 +69,19 @@ void print_row(const std::vector<std::string>& row, const std::vector<std::size_
 }  // namespace
 
 void write_log_report(const fs::path& database, const fs::path& html) {
-  const RunSummary run = summarize_run(database);
-  const ScratchPicture picture(html);
-  write_png(picture.path, draw_run(database, run));
-  std::ofstream out(html);
-  out << render_report(report_of(database, run, picture.path));
-  out.close();
-  if (!out) throw std::runtime_error("report '" + html.string() + "' cannot be written");
+  RunData run = load_with_progress(database);
+  const cv::Mat map = run.explored_cells + run.obstacle_cells > 0 ? draw_run(run) : cv::Mat();
+  std::vector<TimelineEntry> timeline;
+  try {
+    timeline = load_timeline(database);
+  } catch (const DatabaseError&) {
+    run.warnings.emplace_back("its events cannot be read: the file is damaged");
+  }
+  write_text(html, render_run_report(run, timeline, map));
 }
 
 void write_log_map(const fs::path& database, const fs::path& png) {
-  write_png(png, draw_run(database, summarize_run(database)));
-}
-
-std::string log_metrics(const fs::path& database) {
-  const RunSummary run = summarize_run(database);
-  nlohmann::ordered_json json{{"time_s", run.time_s},
-                              {"cell_m", run.cell_m},
-                              {"explored_cells", run.explored_cells},
-                              {"obstacle_cells", run.obstacle_cells},
-                              {"explored_m2", run.scores.explored_m2},
-                              {"driven_m", run.driven_m},
-                              {"rer", run.scores.repeat_rate},
-                              {"pe", run.scores.pixels_per_metre},
-                              {"overlap", run.scores.overlap},
-                              {"robots", nlohmann::ordered_json::array()}};
-  for (const RobotSummary& robot : run.robots) {
-    json["robots"].push_back({{"robot", robot.robot},
-                              {"name", robot.name},
-                              {"state", robot.last_state},
-                              {"driven_m", robot.driven_m},
-                              {"actions", robot.actions},
-                              {"slowest_decision_ms", robot.slowest_decision_ms},
-                              {"retransmissions", robot.retransmissions},
-                              {"bytes_in", robot.traffic.bytes_in},
-                              {"bytes_out", robot.traffic.bytes_out}});
-  }
-  return json.dump(2);
+  write_png(png, draw_run(load_with_progress(database)));
 }
 
 void print_query(const fs::path& database, const std::string& sql, std::ostream& out) {
@@ -212,48 +110,115 @@ void print_timeline(const fs::path& database, std::ostream& out) {
   }
 }
 
-void add_log_command(CLI::App& app, CommandAction& action) {
-  CLI::App* log = app.add_subcommand("log", "What happened in a run: report, map, figures, tables");
-  log->require_subcommand(1);
-  log->footer("Example: ivfm log report run.db -o report.html");
-  struct Options {
-    fs::path database, output;
-    std::string sql;
-  };
-  auto options = std::make_shared<Options>();
-  const auto add = [&](const char* name, const char* text, const char* example, auto work) {
-    CLI::App* command = log->add_subcommand(name, text);
-    command->add_option("database", options->database, "run database of 'ivfm serve'")->required();
+namespace {
+
+struct LogOptions {
+  fs::path database, second, output;
+  std::string sql;
+  VideoOptions video;
+  bool json = false;
+};
+
+void compare(const LogOptions& options) {
+  const RunData a = load_with_progress(options.database), b = load_with_progress(options.second);
+  if (!options.output.empty()) write_text(options.output, compare_as_html(a, b));
+  std::cout << (options.json ? compare_as_json(a, b) + "\n" : compare_as_text(a, b));
+}
+
+void print_metrics(const LogOptions& options) {
+  const RunData run = load_with_progress(options.database);
+  std::cout << (options.json ? metrics_json(run) + "\n" : metrics_text(run));
+}
+
+using LogWork = void (*)(const LogOptions&);
+
+// Adds the subcommands that read a run database.
+class LogCommands {
+ public:
+  LogCommands(CLI::App& log, CommandAction& action) : log_(log), action_(action) {}
+
+  CLI::App* add(const char* name, const char* text, const char* example, LogWork work) {
+    CLI::App* command = log_.add_subcommand(name, text);
+    command->add_option("database", options_->database, "run database of 'ivfm serve'")->required();
     command->footer(std::string("Example: ") + example);
-    command->callback([options, &action, work] {
+    command->callback([options = options_, &action = action_, work] {
       action = [options, work] {
         work(*options);
         return 0;
       };
     });
     return command;
-  };
-  const auto or_default = [](const fs::path& given, const char* name) {
-    return given.empty() ? fs::path(name) : given;
-  };
-  add("report", "One self-contained HTML page", "ivfm log report run.db -o report.html",
-      [or_default](const Options& o) {
-        write_log_report(o.database, or_default(o.output, "report.html"));
-      })
-      ->add_option("-o,--output", options->output, "file to write [report.html]");
-  add("map", "The merged map as a PNG picture", "ivfm log map run.db -o map.png",
-      [or_default](const Options& o) {
-        write_log_map(o.database, or_default(o.output, "map.png"));
-      })
-      ->add_option("-o,--output", options->output, "file to write [map.png]");
-  add("metrics", "The run's figures as JSON", "ivfm log metrics run.db",
-      [](const Options& o) { std::cout << log_metrics(o.database) << std::endl; });
-  add("query", "Ask the database in SQL", "ivfm log query run.db \"SELECT * FROM events\"",
-      [](const Options& o) { print_query(o.database, o.sql, std::cout); })
-      ->add_option("sql", options->sql, "a SELECT; docs/run_database.md names the tables")
+  }
+  void output(CLI::App* command, const char* name) {
+    std::string text = "file to write";
+    if (*name != '\0') text += std::string(" [") + name + "]";
+    command->add_option("-o,--output", options_->output, text);
+  }
+  void json(CLI::App* command) { command->add_flag("--json", options_->json, "one JSON object"); }
+  LogOptions& options() { return *options_; }
+
+ private:
+  CLI::App& log_;
+  CommandAction& action_;
+  std::shared_ptr<LogOptions> options_ = std::make_shared<LogOptions>();
+};
+
+fs::path output_or(const LogOptions& options, const char* name) {
+  return options.output.empty() ? fs::path(name) : options.output;
+}
+
+void add_pictures(LogCommands& commands) {
+  commands.output(
+      commands.add(
+          "report", "One self-contained HTML page", "ivfm log report run.db -o report.html",
+          [](const LogOptions& o) { write_log_report(o.database, output_or(o, "report.html")); }),
+      "report.html");
+  commands.output(
+      commands.add("map", "The merged map as a PNG picture", "ivfm log map run.db -o map.png",
+                   [](const LogOptions& o) { write_log_map(o.database, output_or(o, "map.png")); }),
+      "map.png");
+  CLI::App* video = commands.add(
+      "video", "A film: the map grows, the robots drive",
+      "ivfm log video run.db -o run.mp4 --length 30",
+      [](const LogOptions& o) { write_video(o.database, output_or(o, "run.mp4"), o.video); });
+  commands.output(video, "run.mp4");
+  VideoOptions& film = commands.options().video;
+  video->add_option("--length", film.length_s, "seconds of the film, whatever the run's")
+      ->check(CLI::Range(1.0, 3600.0))
+      ->capture_default_str();
+  video->add_option("--width", film.width_px, "pixels at most")
+      ->check(CLI::Range(320, 3840))
+      ->capture_default_str();
+}
+
+void add_tables(LogCommands& commands) {
+  commands.json(commands.add("metrics", "The run's figures", "ivfm log metrics run.db --json",
+                             print_metrics));
+  CLI::App* two = commands.add("compare", "Two runs side by side",
+                               "ivfm log compare a.db b.db -o compare.html", compare);
+  two->add_option("second", commands.options().second, "the other run's database")->required();
+  commands.output(two, "");
+  commands.json(two);
+  commands
+      .add("query", "Ask the database in SQL", "ivfm log query run.db \"SELECT * FROM events\"",
+           [](const LogOptions& o) { print_query(o.database, o.sql, std::cout); })
+      ->add_option("sql", commands.options().sql, "a SELECT; docs/run_database.md names the tables")
       ->required();
-  add("timeline", "Starts, states and faults in the order of time", "ivfm log timeline run.db",
-      [](const Options& o) { print_timeline(o.database, std::cout); });
+  commands.add("timeline", "Starts, states and faults in the order of time",
+               "ivfm log timeline run.db",
+               [](const LogOptions& o) { print_timeline(o.database, std::cout); });
+}
+
+}  // namespace
+
+void add_log_command(CLI::App& app, CommandAction& action) {
+  CLI::App* log =
+      app.add_subcommand("log", "What happened in a run: report, map, film, figures, tables");
+  log->require_subcommand(1);
+  log->footer("Example: ivfm log report run.db -o report.html");
+  LogCommands commands(*log, action);
+  add_pictures(commands);
+  add_tables(commands);
 }
 
 }  // namespace ivfm::host

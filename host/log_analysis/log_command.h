@@ -1,4 +1,4 @@
-// `ivfm log`: what a run's database tells, as report, picture, figures, table or time line.
+// `ivfm log`: what a run's database tells, as report, picture, film, figures, table or time line.
 #pragma once
 
 #include <filesystem>
@@ -15,8 +15,6 @@ namespace ivfm::host {
 // One self-contained HTML page.
 void write_log_report(const std::filesystem::path& database, const std::filesystem::path& html);
 void write_log_map(const std::filesystem::path& database, const std::filesystem::path& png);
-// The figures as JSON, for people and programs.
-std::string log_metrics(const std::filesystem::path& database);
 // A table of what `sql` yields. Nothing in the file can be changed.
 void print_query(const std::filesystem::path& database, const std::string& sql, std::ostream& out);
 void print_timeline(const std::filesystem::path& database, std::ostream& out);

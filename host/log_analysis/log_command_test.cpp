@@ -7,7 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "host/log_analysis/run_summary.h"
+#include "host/log_analysis/run_compare.h"
+#include "host/log_analysis/run_video.h"
+#include "host/log_analysis/synthetic_run.h"
 #include "host/map_server/scratch_folder.h"
 
 namespace ivfm::host {
@@ -24,7 +26,7 @@ std::filesystem::path small_run(const ScratchFolder& folder) {
   database.begin();
   database.save_cell_um(500000);
   database.save_time(9000000);
-  database.save_robot({1, "one", 1, 0, 9000000, {10, 1000, 5, 500}});
+  database.save_robot({1, "one", 1, 0, 9000000, {10, 1000, 5, 500, {{{200, 40}, {100, 20}}}}});
   database.save_robot({2, "", 1, 0, 9000000, {1, 100, 1, 50}});
   RobotTile first, second;
   for (const std::size_t i : {0, 1, 2, 3}) first.cells[i] = 1;
@@ -55,7 +57,7 @@ std::filesystem::path small_run(const ScratchFolder& folder) {
 
 std::string failure(const std::filesystem::path& database) {
   try {
-    log_metrics(database);
+    load_run(database);
   } catch (const std::exception& error) {
     return error.what();
   }
@@ -64,7 +66,7 @@ std::string failure(const std::filesystem::path& database) {
 
 TEST(LogCommand, ReportsTheFiguresOfARun) {
   const ScratchFolder folder;
-  const auto json = nlohmann::json::parse(log_metrics(small_run(folder)));
+  const auto json = nlohmann::json::parse(metrics_json(load_run(small_run(folder))));
   EXPECT_EQ(json["time_s"], 9.0);
   EXPECT_EQ(json["explored_cells"], 5);
   EXPECT_DOUBLE_EQ(json["explored_m2"], 1.25);  // 5 x 0.25 m2
@@ -72,12 +74,63 @@ TEST(LogCommand, ReportsTheFiguresOfARun) {
   EXPECT_DOUBLE_EQ(json["overlap"], 0.2);       // 1 cell of 5
   EXPECT_DOUBLE_EQ(json["driven_m"], 3.5);      // 3 m, and 0.5 m after the restart
   EXPECT_DOUBLE_EQ(json["pe"], 1.25 * 128 * 128 / 3.5);
+  EXPECT_EQ(json["steps"], 5);
+  EXPECT_EQ(json["wire_bytes"], 1650);
+  EXPECT_DOUBLE_EQ(json["bandwidth_paper_mib"], (5 * (65536 + 12) + 60) / 1048576.0);
+  EXPECT_EQ(json["coverage"], nullptr);  // nobody who knows the world has judged
   EXPECT_EQ(json["robots"][0]["name"], "one");
   EXPECT_EQ(json["robots"][0]["state"], "fault");
   EXPECT_EQ(json["robots"][0]["actions"], 5);
   EXPECT_EQ(json["robots"][0]["slowest_decision_ms"], 2.5);
   EXPECT_EQ(json["robots"][0]["bytes_in"], 1000);
+  EXPECT_EQ(json["robots"][0]["obstacle_bytes"], 100);
   EXPECT_EQ(json["robots"][1]["name"], "robot 2");
+  EXPECT_TRUE(json["warnings"].empty());
+}
+
+TEST(LogCommand, TakesTheWordOfARunsJudge) {
+  const ScratchFolder folder;
+  const auto path = small_run(folder);
+  {
+    RunDatabase database(path);
+    database.save_outcome("coverage", 0.5);
+    database.save_outcome("driven_m", 4);  // the truth; odometry says 3.5
+  }
+  const auto json = nlohmann::json::parse(metrics_json(load_run(path)));
+  EXPECT_EQ(json["coverage"], 0.5);
+  EXPECT_EQ(json["driven_m"], 4.0);
+  EXPECT_DOUBLE_EQ(json["pe"], 1.25 * 128 * 128 / 4);
+  EXPECT_EQ(json["reported"]["coverage"], 0.5);
+}
+
+TEST(LogCommand, ComparesTwoRuns) {
+  const ScratchFolder folder;
+  const RunData a = load_run(small_run(folder));
+  RunData b = a;
+  b.name = "other.db";
+  b.time_s = 18;
+  const std::string text = compare_as_text(a, b);
+  EXPECT_THAT(text, HasSubstr("other.db"));
+  EXPECT_THAT(text, HasSubstr("+100.0 %"));
+  EXPECT_EQ(nlohmann::json::parse(compare_as_json(a, b))["b"]["time_s"], 18);
+  EXPECT_THAT(compare_as_html(a, b), HasSubstr("Explored over time"));
+}
+
+TEST(LogCommand, FilmsARun) {
+  const ScratchFolder folder;
+  write_synthetic_run(folder / "run.db", {});
+  VideoOptions options;
+  options.length_s = 1;
+  options.width_px = 320;
+  std::uint64_t frames = 0;
+  write_run_video(folder / "run.db", folder / "run.mp4", options,
+                  [&frames](std::uint64_t done) { frames = done; });
+  EXPECT_EQ(frames, 25u);
+  std::ifstream in(folder / "run.mp4", std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  EXPECT_EQ(bytes.substr(4, 4), "ftyp");  // ISO/IEC 14496-12
+  EXPECT_THROW(write_run_video(folder / "run.db", folder / "none" / "x.mp4", options),
+               std::runtime_error);
 }
 
 TEST(LogCommand, TellsWhatHappenedInOrder) {
@@ -113,6 +166,7 @@ TEST(LogCommand, WritesOnePageAndAPicture) {
   const std::string html{std::istreambuf_iterator<char>(in), {}};
   EXPECT_THAT(html, HasSubstr("data:image/png;base64,"));
   EXPECT_THAT(html, HasSubstr("1.2 m²"));
+  EXPECT_THAT(html, HasSubstr("bandwidth, paper"));
   EXPECT_THAT(html, HasSubstr("lidar silent"));
   EXPECT_THAT(html, Not(HasSubstr("http")));
   write_log_map(path, folder / "map.png");
@@ -133,13 +187,31 @@ TEST(LogCommand, SaysInOneSentenceWhatIsWrongWithAFile) {
   std::ofstream(folder / "empty.db");
   EXPECT_THAT(failure(folder / "empty.db"), HasSubstr("is empty"));
   const auto path = small_run(folder);
-  for (const auto size : {100u, 1000u, 4096u, 5000u, 20000u}) {
-    const auto cut = folder / ("cut" + std::to_string(size) + ".db");
-    std::filesystem::copy_file(path, cut);
-    std::filesystem::resize_file(cut, size);
-    EXPECT_NE(failure(cut), "") << size;
-    EXPECT_THAT(failure(cut), HasSubstr("run database '")) << size;
+  std::filesystem::copy_file(path, folder / "cut.db");
+  std::filesystem::resize_file(folder / "cut.db", 1000);
+  EXPECT_THAT(failure(folder / "cut.db"), HasSubstr("run database '"));
+}
+
+TEST(LogCommand, SavesWhatCanBeReadOfADamagedFile) {
+  const ScratchFolder folder;
+  write_synthetic_run(folder / "run.db", {});
+  const auto whole = std::filesystem::file_size(folder / "run.db");
+  const RunData intact = load_run(folder / "run.db");
+  ASSERT_TRUE(intact.warnings.empty());
+  int partly = 0;
+  for (const double share : {0.2, 0.5, 0.9}) {
+    const auto cut = folder / "cut.db";
+    std::filesystem::copy_file(folder / "run.db", cut,
+                               std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::resize_file(cut,
+                                 static_cast<std::uintmax_t>(share * static_cast<double>(whole)));
+    const RunData run = load_run(cut);
+    ASSERT_FALSE(run.warnings.empty()) << share;
+    EXPECT_THAT(run.warnings[0], HasSubstr("cut off"));
+    partly += run.explored_cells > 0 || run.driven_m > 0 ? 1 : 0;
+    write_log_report(cut, folder / "cut.html");
   }
+  EXPECT_GE(partly, 2);
 }
 
 }  // namespace

@@ -121,6 +121,7 @@ class MapPainter {
     pen_.write(picture_, options_.title, side, px(36), px(24), kInk);
     pen_.write(picture_, options_.subtitle, side, px(66), px(16), kFaintInk);
     for (std::size_t i = 0; i < trajectories.size(); ++i) paint_path(trajectories[i], i);
+    for (std::size_t i = 0; i < trajectories.size(); ++i) paint_goals(trajectories[i], i);
     for (std::size_t i = 0; i < trajectories.size(); ++i) paint_ends(trajectories[i], i);
     paint_scale_bar(map.size());
     paint_legend(trajectories, header + map.rows + px(34));
@@ -170,6 +171,18 @@ class MapPainter {
     cv::polylines(picture_, line, false, scalar(0xffffff), px(4.2), cv::LINE_AA, 4);
     cv::polylines(picture_, line, false, scalar(kRobotColours[robot % kRobotColours.size()]),
                   px(2.2), cv::LINE_AA, 4);
+  }
+
+  void paint_goals(const Trajectory& trajectory, std::size_t robot) {
+    const cv::Scalar colour = scalar(kRobotColours[robot % kRobotColours.size()]);
+    const cv::Rect paper(0, 0, picture_.cols, picture_.rows);
+    for (const Point& goal : trajectory.goals) {
+      const cv::Point q4 = place_q4(goal);
+      const cv::Point at(q4.x / 16, q4.y / 16);
+      if (!paper.contains(at)) continue;
+      cv::drawMarker(picture_, at, scalar(0xffffff), cv::MARKER_TILTED_CROSS, px(9), px(3));
+      cv::drawMarker(picture_, at, colour, cv::MARKER_TILTED_CROSS, px(8), px(1.4), cv::LINE_AA);
+    }
   }
 
   void start_marker(cv::Point center_q4, std::size_t robot) {
@@ -246,7 +259,10 @@ class MapPainter {
              px(28);
     }
     if (!trajectories.empty()) {
-      pen_.write(picture_, "ring: start, disc: end", left, baseline, px(15), kFaintInk);
+      const bool goals = std::any_of(trajectories.begin(), trajectories.end(),
+                                     [](const Trajectory& t) { return !t.goals.empty(); });
+      pen_.write(picture_, std::string("ring: start, disc: end") + (goals ? ", cross: goal" : ""),
+                 left, baseline, px(15), kFaintInk);
     }
   }
 
@@ -281,10 +297,18 @@ void write_png(const std::filesystem::path& path, const cv::Mat& image) {
   if (!written) throw std::runtime_error("picture " + path.string() + " cannot be written");
 }
 
+std::uint32_t robot_rgb(std::size_t index) { return kRobotColours[index % kRobotColours.size()]; }
+
 std::string robot_colour(std::size_t index) {
   char text[8];
-  std::snprintf(text, sizeof text, "#%06x", kRobotColours[index % kRobotColours.size()]);
+  std::snprintf(text, sizeof text, "#%06x", robot_rgb(index));
   return text;
+}
+
+int draw_text(cv::Mat& image, const std::string& text, int left, int baseline, int height,
+              std::uint32_t rgb) {
+  static TextPen pen;
+  return pen.write(image, text, left, baseline, height, rgb);
 }
 
 }  // namespace ivfm::host

@@ -22,10 +22,11 @@ struct PictureLayers {
 };
 
 // Where one robot went, in the map frame. The first point is drawn as the start, the last as the
-// end.
+// end; goals as small crosses.
 struct Trajectory {
   std::string label;
   std::vector<Point> points;
+  std::vector<Point> goals = {};
 };
 
 struct PictureOptions {
@@ -43,7 +44,13 @@ cv::Mat draw_map_picture(const PictureLayers& layers, std::span<const Trajectory
 // Writes an image as PNG; throws std::runtime_error with the path when it cannot.
 void write_png(const std::filesystem::path& path, const cv::Mat& image);
 
-// The colour of robot `index` (0 ..) in pictures and reports, as a CSS colour such as "#d9480f".
+// The colour of robot `index` (0 ..) in pictures and reports, and as a CSS colour such as
+// "#d9480f".
+std::uint32_t robot_rgb(std::size_t index);
 std::string robot_colour(std::size_t index);
+
+// Writes UTF-8 text; `left`, `baseline` and `height` in pixels. Returns the right end.
+int draw_text(cv::Mat& image, const std::string& text, int left, int baseline, int height,
+              std::uint32_t rgb);
 
 }  // namespace ivfm::host

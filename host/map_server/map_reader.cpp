@@ -96,6 +96,7 @@ SqliteConnection open_run_database(const std::filesystem::path& database) {
     throw std::runtime_error("run database '" + database.string() + "' does not exist");
   }
   SqliteConnection connection(database, SqliteConnection::Mode::kRead);
+  connection.execute("PRAGMA writable_schema = ON");  // else SQLite refuses a file that is cut off
   check_run_database(connection, database, false);
   return connection;
 }

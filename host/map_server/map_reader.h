@@ -30,7 +30,8 @@ struct LayerMap {
 // All throw std::runtime_error with one sentence when `database` is no run database. It may be in
 // use by a server at the same time.
 
-// To ask it something; nothing can be written.
+// To ask it something; nothing can be written. Of a file that is cut off, what is there can be
+// read; the rest throws DatabaseError (SQLITE_CORRUPT).
 SqliteConnection open_run_database(const std::filesystem::path& database);
 // What the fleet saw: visits summed (at most 255), obstacles of any robot.
 LayerMap load_merged_map(const std::filesystem::path& database);

@@ -36,6 +36,7 @@ void MapServer::load() {
   cell_um_ = database_.cell_um();
   finder_ = database_.finder();
   database_.load_tiles(map_);
+  first_seen_ = database_.load_first_seen();
   for (RobotRecord& record : database_.load_robots()) {
     Robot& robot = robots_[record.robot];
     robot.downlink = Downlink(config_.downlink);
@@ -141,7 +142,7 @@ void MapServer::handle_map_update(Robot& robot, std::uint32_t sequence,
   }
   if (!accept_cell_size(reader.cell_um()) || !has_room_for(robot, body)) return;
   take_pose(robot, reader.pose(), now_us);
-  merge_regions(robot, sequence, reader);
+  merge_regions(robot, sequence, reader, now_us);
   robot.to_acknowledge.push_back(sequence);
 }
 
@@ -169,19 +170,37 @@ bool MapServer::has_room_for(const Robot& robot, std::span<const std::uint8_t> b
   return false;
 }
 
-void MapServer::merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateReader& reader) {
+void MapServer::merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateReader& reader,
+                              TimeUs now_us) {
   std::vector<TileChange> changes;
   while (true) {
     const auto region = reader.next(cells_);
     if (!region.ok()) break;
     map_.merge(robot.record.robot, robot.record.epoch, sequence, region->layer, region->rect,
                region->cells, changes);
+    LayerTraffic& traffic = robot.record.traffic.layers[static_cast<std::size_t>(region->layer)];
+    traffic.bytes += region->wire_bytes;
+    traffic.cells += region->cells.size();
   }
   for (const TileChange& change : changes) {
     unsaved_tiles_.insert({robot.record.robot, change.key});
     if (change.changed.empty()) continue;
     uncommitted_changes_.emplace_back(robot.record.robot, change);
     changed_tiles_.insert(change.key);
+    note_first_seen(change, now_us);
+  }
+}
+
+void MapServer::note_first_seen(const TileChange& change, TimeUs now_us) {
+  FirstSeen& seen = first_seen_[change.key];
+  const CellRect& rect = change.changed;
+  for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+    for (std::int32_t x = rect.x; x < rect.right(); ++x) {
+      std::uint32_t& time = seen[tile_index({x, y})];
+      if (time != 0 || map_.merged_value(change.key.layer, {x, y}) == 0) continue;
+      time = static_cast<std::uint32_t>(now_us / 100'000) + 1;
+      unsaved_first_seen_.insert(change.key);
+    }
   }
 }
 
@@ -295,6 +314,8 @@ void MapServer::commit(TimeUs now_us) {
   for (const auto& [robot, key] : unsaved_tiles_) {
     database_.save_tile(robot, key, *map_.robot_tile(robot, key));
   }
+  for (const TileKey& key : unsaved_first_seen_)
+    database_.save_first_seen(key, first_seen_.at(key));
   for (const std::uint16_t robot : unsaved_robots_) {
     database_.save_robot(robots_.at(robot).record);
   }
@@ -304,6 +325,7 @@ void MapServer::commit(TimeUs now_us) {
   for (const std::uint16_t robot : unsaved_robots_) acknowledge_committed(robots_.at(robot));
   tell_others();
   unsaved_tiles_.clear();
+  unsaved_first_seen_.clear();
   unsaved_robots_.clear();
   rows_.clear();
 }

@@ -128,7 +128,8 @@ class MapServer {
                          TimeUs now_us);
   bool accept_cell_size(std::int32_t cell_um);
   bool has_room_for(const Robot& robot, std::span<const std::uint8_t> body);
-  void merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateReader& reader);
+  void merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateReader& reader, TimeUs now_us);
+  void note_first_seen(const TileChange& change, TimeUs now_us);
   void handle_acknowledgement(Robot& robot, std::span<const std::uint8_t> body, TimeUs now_us);
   void handle_hello(Robot& robot, std::uint32_t sequence, std::span<const std::uint8_t> body,
                     TimeUs now_us);
@@ -161,6 +162,8 @@ class MapServer {
   std::set<std::pair<std::uint16_t, TileKey>> unsaved_tiles_;
   std::vector<std::pair<std::uint16_t, TileChange>> uncommitted_changes_;
   std::set<TileKey> changed_tiles_;  // for who looks on
+  std::map<TileKey, FirstSeen> first_seen_;
+  std::set<TileKey> unsaved_first_seen_;
   std::vector<Row> rows_;
   std::set<std::uint16_t> unsaved_robots_;
   TimeUs last_commit_us_ = 0;

@@ -222,6 +222,27 @@ TEST(MapServer, GoesOnAfterARestartAndTellsEverybodyEverything) {
   team.expect_consistent("");
 }
 
+TEST(MapServer, RemembersWhenACellWasSeenFirstAndWhatTheLayersCost) {
+  Team team(2);
+  team.visit(0, {0, 0, 10, 10});
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  team.stop_server();
+  team.start_server();
+  const TimeUs before = team.now_us();
+  team.visit(0, {5, 5, 10, 10});
+  team.visit(1, {5, 5, 10, 10});
+  ASSERT_TRUE(team.settle(5 * kSecond));
+  const FirstSeen seen = team.database().load_first_seen().at({Layer::kVisits, 0, 0});
+  EXPECT_GT(seen[tile_index({9, 9})], 0u);
+  EXPECT_LE(seen[tile_index({9, 9})], before / 100'000 + 1);  // not again by the second visit
+  EXPECT_GT(seen[tile_index({14, 14})], before / 100'000);
+  EXPECT_EQ(seen[tile_index({15, 15})], 0u);
+  const auto robots = team.database().load_robots();
+  EXPECT_GE(robots[0].traffic.layers[0].cells, 200u);
+  EXPECT_GT(robots[0].traffic.layers[0].bytes, 0u);
+  EXPECT_EQ(robots[0].traffic.layers[1].cells, 0u);
+}
+
 TEST(MapServer, ARobotThatJoinsLateIsToldEverything) {
   Team team(2);
   team.radio(1).set_partitioned(true);

@@ -37,7 +37,11 @@ CREATE TABLE robots (
   datagrams_in INTEGER NOT NULL,
   bytes_in INTEGER NOT NULL,
   datagrams_out INTEGER NOT NULL,
-  bytes_out INTEGER NOT NULL
+  bytes_out INTEGER NOT NULL,
+  visit_bytes INTEGER NOT NULL,
+  visit_cells INTEGER NOT NULL,
+  obstacle_bytes INTEGER NOT NULL,
+  obstacle_cells INTEGER NOT NULL
 );
 CREATE TABLE tiles (
   robot INTEGER NOT NULL,
@@ -49,6 +53,17 @@ CREATE TABLE tiles (
   sequences BLOB,
   PRIMARY KEY (robot, layer, tile_x, tile_y)
 );
+CREATE TABLE first_seen (
+  layer INTEGER NOT NULL,
+  tile_x INTEGER NOT NULL,
+  tile_y INTEGER NOT NULL,
+  times BLOB NOT NULL,
+  PRIMARY KEY (layer, tile_x, tile_y)
+);
+CREATE TABLE outcome (
+  key TEXT PRIMARY KEY,
+  value REAL NOT NULL
+) WITHOUT ROWID;
 CREATE TABLE poses (
   time_us INTEGER NOT NULL,
   robot INTEGER NOT NULL,
@@ -87,7 +102,11 @@ CREATE TABLE traffic (
   datagrams_in INTEGER NOT NULL,
   bytes_in INTEGER NOT NULL,
   datagrams_out INTEGER NOT NULL,
-  bytes_out INTEGER NOT NULL
+  bytes_out INTEGER NOT NULL,
+  visit_bytes INTEGER NOT NULL,
+  visit_cells INTEGER NOT NULL,
+  obstacle_bytes INTEGER NOT NULL,
+  obstacle_cells INTEGER NOT NULL
 );
 CREATE TABLE progress (
   time_us INTEGER NOT NULL,
@@ -95,7 +114,7 @@ CREATE TABLE progress (
   obstacle_cells INTEGER NOT NULL
 );
 PRAGMA application_id = 1230390861;
-PRAGMA user_version = 1;
+PRAGMA user_version = 2;
 COMMIT;
 )sql";
 static_assert(kRunDatabaseId == 1230390861);
@@ -116,6 +135,25 @@ std::runtime_error sentence(const std::filesystem::path& path, const std::string
 
 std::int64_t to_sql(std::uint64_t value) { return static_cast<std::int64_t>(value); }
 std::uint64_t to_count(std::int64_t value) { return static_cast<std::uint64_t>(value); }
+
+SqliteStatement& bind_traffic(SqliteStatement& insert, const TrafficCounters& traffic) {
+  insert.bind(to_sql(traffic.datagrams_in))
+      .bind(to_sql(traffic.bytes_in))
+      .bind(to_sql(traffic.datagrams_out))
+      .bind(to_sql(traffic.bytes_out));
+  for (const LayerTraffic& layer : traffic.layers) {
+    insert.bind(to_sql(layer.bytes)).bind(to_sql(layer.cells));
+  }
+  return insert;
+}
+
+// 1,024 numbers as little-endian u32.
+void bind_u32s(SqliteStatement& insert, const std::array<std::uint32_t, kTileCells>& numbers) {
+  std::array<std::uint8_t, kTileCells * 4> bytes;
+  ByteWriter writer(bytes);
+  for (const std::uint32_t number : numbers) writer.u32(number);
+  insert.bind(std::span<const std::uint8_t>(bytes));
+}
 
 }  // namespace
 
@@ -138,7 +176,9 @@ void check_run_database(SqliteConnection& connection, const std::filesystem::pat
     tables = connection.integer("SELECT count(*) FROM sqlite_master").value_or(0);
   } catch (const DatabaseError& error) {
     if (error.code() != SQLITE_NOTADB && error.code() != SQLITE_CORRUPT) throw;
-    throw sentence(path, "is not a run database but another kind of file; choose another name");
+    throw sentence(path, error.code() == SQLITE_NOTADB
+                             ? "is not a run database but another kind of file; choose another name"
+                             : "is damaged beyond its first page; nothing of it can be read");
   }
   if (tables == 0 && id == 0 && allow_empty) return;
   if (id != kRunDatabaseId) {
@@ -211,7 +251,8 @@ std::vector<RobotRecord> RunDatabase::load_robots() {
   std::vector<RobotRecord> robots;
   SqliteStatement& rows = statement(
       "SELECT robot, name, epoch, first_seen_us, last_seen_us, datagrams_in, bytes_in, "
-      "datagrams_out, bytes_out FROM robots ORDER BY robot");
+      "datagrams_out, bytes_out, visit_bytes, visit_cells, obstacle_bytes, obstacle_cells "
+      "FROM robots ORDER BY robot");
   while (rows.row()) {
     RobotRecord robot;
     robot.robot = static_cast<std::uint16_t>(rows.integer(0));
@@ -219,8 +260,12 @@ std::vector<RobotRecord> RunDatabase::load_robots() {
     robot.epoch = static_cast<std::uint32_t>(rows.integer(2));
     robot.first_seen_us = rows.integer(3);
     robot.last_seen_us = rows.integer(4);
-    robot.traffic = {to_count(rows.integer(5)), to_count(rows.integer(6)),
-                     to_count(rows.integer(7)), to_count(rows.integer(8))};
+    robot.traffic = {to_count(rows.integer(5)),
+                     to_count(rows.integer(6)),
+                     to_count(rows.integer(7)),
+                     to_count(rows.integer(8)),
+                     {{{to_count(rows.integer(9)), to_count(rows.integer(10))},
+                       {to_count(rows.integer(11)), to_count(rows.integer(12))}}}};
     robots.push_back(std::move(robot));
   }
   return robots;
@@ -248,6 +293,19 @@ void RunDatabase::load_tiles(MapStore& store) {
     }
     store.restore(static_cast<std::uint16_t>(rows.integer(0)), key, std::move(tile));
   }
+}
+
+std::map<TileKey, FirstSeen> RunDatabase::load_first_seen() {
+  std::map<TileKey, FirstSeen> seen;
+  SqliteStatement& rows = statement("SELECT layer, tile_x, tile_y, times FROM first_seen");
+  while (rows.row()) {
+    const TileKey key{static_cast<Layer>(rows.integer(0)),
+                      static_cast<std::int32_t>(rows.integer(1)),
+                      static_cast<std::int32_t>(rows.integer(2))};
+    ByteReader reader(rows.blob(3));
+    for (std::uint32_t& time : seen[key]) time = reader.u32();
+  }
+  return seen;
 }
 
 std::optional<std::int32_t> RunDatabase::cell_um() {
@@ -289,17 +347,14 @@ void RunDatabase::save_time(std::int64_t time_us) {
 }
 
 void RunDatabase::save_robot(const RobotRecord& robot) {
-  statement("REPLACE INTO robots VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)")
-      .bind(std::int64_t{robot.robot})
+  SqliteStatement& insert =
+      statement("REPLACE INTO robots VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  insert.bind(std::int64_t{robot.robot})
       .bind(std::string_view(robot.name))
       .bind(std::int64_t{robot.epoch})
       .bind(robot.first_seen_us)
-      .bind(robot.last_seen_us)
-      .bind(to_sql(robot.traffic.datagrams_in))
-      .bind(to_sql(robot.traffic.bytes_in))
-      .bind(to_sql(robot.traffic.datagrams_out))
-      .bind(to_sql(robot.traffic.bytes_out))
-      .run();
+      .bind(robot.last_seen_us);
+  bind_traffic(insert, robot.traffic).run();
 }
 
 void RunDatabase::save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile) {
@@ -311,13 +366,24 @@ void RunDatabase::save_tile(std::uint16_t robot, const TileKey& key, const Robot
       .bind(std::int64_t{tile.epoch})
       .bind(std::span<const std::uint8_t>(tile.cells));
   if (tile.sequences) {
-    std::array<std::uint8_t, kTileCells * 4> bytes;
-    ByteWriter writer(bytes);
-    for (const std::uint32_t sequence : *tile.sequences) writer.u32(sequence);
-    insert.bind(std::span<const std::uint8_t>(bytes)).run();
+    bind_u32s(insert, *tile.sequences);
+    insert.run();
   } else {
     insert.bind_null().run();
   }
+}
+
+void RunDatabase::save_first_seen(const TileKey& key, const FirstSeen& seen) {
+  SqliteStatement& insert = statement("REPLACE INTO first_seen VALUES (?, ?, ?, ?)");
+  insert.bind(static_cast<std::int64_t>(key.layer))
+      .bind(std::int64_t{key.x})
+      .bind(std::int64_t{key.y});
+  bind_u32s(insert, seen);
+  insert.run();
+}
+
+void RunDatabase::save_outcome(std::string_view key, double value) {
+  statement("REPLACE INTO outcome VALUES (?, ?)").bind(key).bind(value).run();
 }
 
 void RunDatabase::add_pose(std::int64_t time_us, std::uint16_t robot, const Pose& pose) {
@@ -368,14 +434,9 @@ void RunDatabase::add_event(std::int64_t time_us, std::optional<std::uint16_t> r
 
 void RunDatabase::add_traffic(std::int64_t time_us, std::uint16_t robot,
                               const TrafficCounters& traffic) {
-  statement("INSERT INTO traffic VALUES (?, ?, ?, ?, ?, ?)")
-      .bind(time_us)
-      .bind(std::int64_t{robot})
-      .bind(to_sql(traffic.datagrams_in))
-      .bind(to_sql(traffic.bytes_in))
-      .bind(to_sql(traffic.datagrams_out))
-      .bind(to_sql(traffic.bytes_out))
-      .run();
+  SqliteStatement& insert = statement("INSERT INTO traffic VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  insert.bind(time_us).bind(std::int64_t{robot});
+  bind_traffic(insert, traffic).run();
 }
 
 void RunDatabase::add_progress(std::int64_t time_us, std::uint64_t explored_cells,

@@ -20,7 +20,14 @@
 namespace ivfm::host {
 
 inline constexpr std::int64_t kRunDatabaseId = 0x4956464d;  // "IVFM", PRAGMA application_id
-inline constexpr std::int64_t kRunDatabaseVersion = 1;      // PRAGMA user_version
+inline constexpr std::int64_t kRunDatabaseVersion = 2;      // PRAGMA user_version
+
+// What came from a robot of one layer: rectangles, with their heads.
+struct LayerTraffic {
+  std::uint64_t bytes = 0;
+  std::uint64_t cells = 0;
+  bool operator==(const LayerTraffic&) const = default;
+};
 
 // Since the run began. Bytes count 28 for the IP and UDP headers of each datagram.
 struct TrafficCounters {
@@ -28,8 +35,12 @@ struct TrafficCounters {
   std::uint64_t bytes_in = 0;
   std::uint64_t datagrams_out = 0;
   std::uint64_t bytes_out = 0;
+  std::array<LayerTraffic, kLayerCount> layers{};  // of bytes_in
   bool operator==(const TrafficCounters&) const = default;
 };
+
+// Of a tile's cells, in their order.
+using FirstSeen = std::array<std::uint32_t, kTileCells>;
 
 struct RobotRecord {
   std::uint16_t robot = 0;
@@ -59,6 +70,8 @@ class RunDatabase {
   // What is stored.
   std::vector<RobotRecord> load_robots();
   void load_tiles(MapStore& store);
+  // When each cell of the merged map was seen first, tenths of a second + 1; 0: not yet.
+  std::map<TileKey, FirstSeen> load_first_seen();
   std::optional<std::int32_t> cell_um();
   std::int64_t last_time_us();
   std::optional<std::uint16_t> finder();
@@ -75,6 +88,9 @@ class RunDatabase {
   void save_time(std::int64_t time_us);
   void save_robot(const RobotRecord& robot);
   void save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile);
+  void save_first_seen(const TileKey& key, const FirstSeen& seen);
+  // What a judge who knows the world says of the run.
+  void save_outcome(std::string_view key, double value);
   void add_pose(std::int64_t time_us, std::uint16_t robot, const Pose& pose);
   void add_goal(std::int64_t time_us, std::uint16_t robot, Cell goal);
   void add_status(std::int64_t time_us, std::uint16_t robot, const RobotStatus& status);

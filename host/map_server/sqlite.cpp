@@ -15,6 +15,7 @@ SqliteConnection::SqliteConnection(const std::filesystem::path& path, Mode mode)
 
 void SqliteConnection::fail(int code) {
   const char* text = handle_ ? sqlite3_errmsg(handle_.get()) : sqlite3_errstr(code);
+  if ((code & 0xff) == SQLITE_BUSY) text = "another program keeps it locked; try again later";
   throw DatabaseError("run database '" + path_ + "': " + text, code & 0xff);
 }
 
@@ -98,6 +99,10 @@ bool SqliteStatement::is_null(int column) const {
 
 std::int64_t SqliteStatement::integer(int column) const {
   return sqlite3_column_int64(statement_.get(), column);
+}
+
+double SqliteStatement::real(int column) const {
+  return sqlite3_column_double(statement_.get(), column);
 }
 
 std::string SqliteStatement::text(int column) const {

@@ -66,6 +66,7 @@ class SqliteStatement {
   bool is_null(int column) const;
   bool is_blob(int column) const;
   std::int64_t integer(int column) const;
+  double real(int column) const;
   std::string text(int column) const;
   // Valid until the next row().
   std::span<const std::uint8_t> blob(int column) const;

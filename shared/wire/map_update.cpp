@@ -47,6 +47,7 @@ Result<Region> MapUpdateReader::next(std::span<std::uint8_t> buffer) {
   if (!reader_.ok()) return Status::kTruncated;
   if (reader_.remaining() == 0) return Status::kEmpty;
   Region region;
+  const std::size_t before = reader_.remaining();
   const std::uint8_t layer = reader_.u8();
   region.rect.x = reader_.i24();
   region.rect.y = reader_.i24();
@@ -66,6 +67,7 @@ Result<Region> MapUpdateReader::next(std::span<std::uint8_t> buffer) {
   ++regions_;
   cells_ += count;
   region.cells = cells;
+  region.wire_bytes = before - reader_.remaining();
   return region;
 }
 

@@ -58,6 +58,7 @@ struct Region {
   Layer layer = Layer::kVisits;
   CellRect rect;
   std::span<const std::uint8_t> cells;
+  std::size_t wire_bytes = 0;  // of the region in the datagram
 };
 
 // Reads the regions of a body one by one.
