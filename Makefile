@@ -6,6 +6,7 @@ MAKEFLAGS += --no-print-directory
 
 JOBS ?= $(shell nproc)
 HOST := build/host
+AGENT := firmware/agent/linux/ivfm-agent
 # Arguments for the program that a target runs, e.g. make demo ARGS="--robots 3".
 ARGS ?=
 
@@ -42,16 +43,28 @@ soak: build ## Look for a lost cell in 1,000 schedules of radio faults and kills
 	@$(HOST)/tests/nothing_lost/nothing_lost_soak $(ARGS)
 
 .PHONY: hil
-hil: deps ## Hardware in the loop: the cross-built robot's CAN on an emulated machine
-	@hil/run.sh
+hil: deps ## Hardware in the loop: the packed robot on an emulated machine; faults and reaction times
+	@[[ -f $(HOST)/build.ninja ]] || cmake --preset host >/dev/null
+	@cmake --build --preset host -j $(JOBS) --target machine_simulator ivfm
+	@for preset in aarch64 x86_64; do \
+	  [[ -f build/$$preset/build.ninja ]] || cmake --preset $$preset >/dev/null; \
+	  cmake --build --preset $$preset -j $(JOBS) --target ivfm-agent can_bridge; \
+	  packaging/pack.sh $$preset build/$$preset/$(AGENT) build/packages; \
+	done
+	@hil/run.py $(ARGS)
 
 .PHONY: cross
-cross: deps ## Build the robot for aarch64, armhf and Cortex-M7; test the first two under QEMU
-	@for preset in aarch64 armhf cortex-m7; do \
+cross: deps ## Build, test and pack the robot for aarch64, armhf, x86-64; build it for Cortex-M7
+	@for preset in aarch64 armhf x86_64 cortex-m7; do \
 	  [[ -f build/$$preset/build.ninja ]] || cmake --preset $$preset; \
 	  cmake --build --preset $$preset -j $(JOBS); \
 	done
 	@for preset in aarch64 armhf; do ctest --preset $$preset -j $(JOBS); done
+	@for preset in aarch64 armhf x86_64; do \
+	  packaging/pack.sh $$preset build/$$preset/$(AGENT) build/packages; \
+	  packaging/check_reproducible.sh $$preset build/packages; \
+	done
+	@lintian --fail-on error,warning build/packages/*.deb
 
 # The recorded drive must give the same bits on every processor.
 .PHONY: cross-replay

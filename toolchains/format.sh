@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-mapfile -t sources < <(find firmware host shared tests -name '*.h' -o -name '*.cpp' | sort)
+mapfile -t sources < <(find firmware hil host shared tests -name '*.h' -o -name '*.cpp' | sort)
 if [[ ${1-} != --check ]]; then
   clang-format-14 -i "${sources[@]}"
   exit 0

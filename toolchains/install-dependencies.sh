@@ -25,7 +25,9 @@ packages=(
   # Robot builds and their emulators
   g++-aarch64-linux-gnu g++-arm-linux-gnueabihf
   gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
-  qemu-system-arm qemu-user-static
+  qemu-system-arm qemu-system-x86 qemu-user-static
+  # Packages for robots; modules of the emulated machines' kernels
+  kmod lintian
   # Format and lint
   clang-14 clang-format-14 clang-tidy-14
 )

@@ -11,12 +11,13 @@
 namespace ivfm::host {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, FaultKind>, 5> kNames{{
+constexpr std::array<std::pair<std::string_view, FaultKind>, 6> kNames{{
     {"lidar-silence", FaultKind::kLidarSilence},
     {"lidar-garbage", FaultKind::kLidarGarbage},
     {"can-drop", FaultKind::kCanDrop},
     {"drive-fault", FaultKind::kDriveFault},
     {"drive-silence", FaultKind::kDriveSilence},
+    {"left-drive-silence", FaultKind::kLeftDriveSilence},
 }};
 
 [[noreturn]] void fail(std::string_view text, const std::string& what) {

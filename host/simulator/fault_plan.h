@@ -11,11 +11,12 @@
 namespace ivfm::host {
 
 enum class FaultKind : std::uint8_t {
-  kLidarSilence,  // the lidar sends nothing
-  kLidarGarbage,  // the lidar sends random bytes among its own
-  kCanDrop,       // the drives' frames are lost with a probability, both ways
-  kDriveFault,    // a drive reports an error and goes to the state Fault
-  kDriveSilence,  // the drives fall silent, as after a power cut
+  kLidarSilence,      // the lidar sends nothing
+  kLidarGarbage,      // the lidar sends random bytes among its own
+  kCanDrop,           // the drives' frames are lost with a probability, both ways
+  kDriveFault,        // a drive reports an error and goes to the state Fault
+  kDriveSilence,      // the drives fall silent, as after a power cut
+  kLeftDriveSilence,  // one of them does
 };
 
 struct Fault {

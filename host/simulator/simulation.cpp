@@ -51,8 +51,8 @@ SimulatedRobot::SimulatedRobot(int number, const PreparedWorld& world,
       left_({.node_id = 1}),
       right_({.node_id = 2}),
       drives_(bus_, {&left_, &right_}),
-      metres_per_count_(config.wheels.wheel_circumference_um / 1e6 / config.wheels.counts_per_turn),
-      fault_begun_(config.faults.size(), false) {
+      metres_per_count_(config.wheels.wheel_circumference_um / 1e6 /
+                        config.wheels.counts_per_turn) {
   terminal_.emulator().set_beam_source(
       [this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
 }
@@ -74,8 +74,9 @@ void SimulatedRobot::roll_wheels(std::span<const TruePose> others) {
 }
 
 void SimulatedRobot::apply_faults(TimeUs now_us) {
-  bool lidar_silent = false, drives_silent = false;
+  bool lidar_silent = false, left_silent = false, right_silent = false;
   double loss = 0;
+  fault_begun_.resize(config_.faults.size());
   for (std::size_t i = 0; i < config_.faults.size(); ++i) {
     const Fault& fault = config_.faults[i];
     if (!fault.is_active(number_, now_us)) continue;
@@ -90,13 +91,14 @@ void SimulatedRobot::apply_faults(TimeUs now_us) {
       case FaultKind::kDriveFault:
         if (!fault_begun_[i]) left_.raise_fault(kOverCurrent);
         break;
-      case FaultKind::kDriveSilence: drives_silent = true; break;
+      case FaultKind::kDriveSilence: left_silent = right_silent = true; break;
+      case FaultKind::kLeftDriveSilence: left_silent = true; break;
     }
     fault_begun_[i] = true;
   }
   terminal_.emulator().set_silent(lidar_silent);
-  left_.set_silent(drives_silent);
-  right_.set_silent(drives_silent);
+  left_.set_silent(left_silent);
+  right_.set_silent(right_silent);
   bus_.set_loss(loss);
 }
 

@@ -93,6 +93,9 @@ class Simulation {
              const std::vector<std::filesystem::path>& lidar_links,
              const std::vector<CanBus*>& buses);
 
+  // One more fault, besides those of the configuration.
+  void add_fault(const Fault& fault) { config_.faults.push_back(fault); }
+
   // Moves everything on to `now_us` of simulated time, in ticks of kTickUs.
   void advance_to(TimeUs now_us);
 

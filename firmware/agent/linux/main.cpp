@@ -2,6 +2,7 @@
 // the heap again.
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <ctime>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "firmware/hal/linux/can_port.h"
 #include "firmware/hal/linux/linux_clock.h"
 #include "firmware/hal/linux/linux_serial_port.h"
+#include "firmware/hal/linux/service_manager.h"
 #include "firmware/hal/linux/udp_socket.h"
 
 namespace ivfm {
@@ -108,7 +110,7 @@ class Telemetry {
 };
 
 // Steps the agent until a signal comes, then lets it stop and hand over what it still has.
-void run_agent(Agent& agent, Devices& devices, Telemetry& telemetry) {
+void run_agent(Agent& agent, Devices& devices, Telemetry& telemetry, ServiceManager& manager) {
   LinuxClock& clock = devices.clock();
   TimeUs next_us = clock.now_us(), telemetry_us = next_us, give_up_us = 0;
   while (true) {
@@ -116,8 +118,10 @@ void run_agent(Agent& agent, Devices& devices, Telemetry& telemetry) {
     if (stop_signal != 0 && give_up_us == 0) {
       give_up_us = now_us + kGoodbyeUs;
       agent.request_stop();
+      manager.stopping();
     }
     agent.step(now_us);
+    manager.alive(now_us);
     if (give_up_us != 0) {
       agent.flush_map();
       const bool standing =
@@ -162,7 +166,9 @@ int run(const AgentOptions& options) {
   std::fprintf(stderr, "ivfm-agent: robot %d runs, profile %s, %zu bytes of fixed memory, %s\n",
                static_cast<int>(options.robot_id), Profile::kName, sizeof(AgentFor<Profile>),
                options.model.empty() ? "no model: nearest frontier" : options.model.c_str());
-  run_agent(agent, devices, telemetry);
+  ServiceManager manager(std::getenv("NOTIFY_SOCKET"));
+  manager.ready();
+  run_agent(agent, devices, telemetry, manager);
   if (!options.dump_map.empty()) {
     write_map_file(options.dump_map, agent, config.link.robot, epoch);
   }

@@ -1,0 +1,122 @@
+#!/usr/bin/env python3
+"""Hardware in the loop: the packed robot in an emulated machine with real drivers, the world
+outside it. Plays scenarios, judges them by the recorded CAN frames, prints a table."""
+import argparse
+import concurrent.futures
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+
+import cpio
+import judge
+import machine
+
+ROOT = machine.ROOT
+OUT = ROOT / "out/hil"
+LIMIT_S = 1200  # real seconds for a machine: a busy host is slow, and nothing else
+
+
+def prepare(scenario, folder, start):
+    """Writes the machine's initramfs for this scenario."""
+    architecture = machine.ARCHITECTURES[scenario["machine"]]
+    overlay = folder / "overlay"
+    shutil.copytree(ROOT / "hil/machine", overlay)
+    build = ROOT / "build" / architecture.preset
+    shutil.copy(build / "hil/can_bridge", overlay / "usr/lib/hil/can_bridge")
+    package = next((ROOT / "build/packages").glob(f"*_{architecture.debian}.deb"))
+    for name in ("bin", "lib"):  # as in the image
+        (overlay / "usr" / name).mkdir(exist_ok=True)
+        (overlay / name).symlink_to(f"usr/{name}")
+    machine.unpack(package, overlay)
+    can = scenario.get("can", "can0")
+    drives = "can1" if can == "can0" else can
+    (overlay / "etc/hil.env").write_text(f"DRIVES={drives}\n")
+    config = overlay / "etc/ivfm/agent.toml"
+    changes = {"can": f'"socketcan:{can}"', "start": f"[{start}]", "telemetry": '"json"',
+               "dump-map": '"/var/lib/ivfm/map"', **scenario.get("agent", {})}
+    lines = []
+    for line in config.read_text().splitlines():
+        key = line.split(" = ")[0]
+        lines.append(f"{key} = {changes[key]}" if key in changes else line)
+    config.write_text("\n".join(lines) + "\n")
+    # QEMU's adapter is an FTDI, the lidar's a CP2102.
+    rule = overlay / "usr/lib/udev/rules.d/60-ivfm-lidar.rules"
+    rule.write_text(rule.read_text().replace("10c4", "0403").replace("ea60", "6001"))
+    _, base = machine.build_base(architecture)
+    with open(folder / "initramfs", "wb") as file:
+        file.write(base.read_bytes())
+        file.write(cpio.archive(overlay))
+
+
+def play(name):
+    """Plays one scenario in its own folder; returns (scenario, verdicts, seconds it took)."""
+    path = ROOT / "hil/scenarios" / f"{name}.toml"
+    scenario = {"machine": "arm64", **tomllib.loads(path.read_text())}
+    folder = OUT / name
+    shutil.rmtree(folder, ignore_errors=True)
+    (folder / "out").mkdir(parents=True)
+    began = time.monotonic()
+    with open(folder / "simulator.log", "w") as log:
+        simulator = subprocess.Popen(
+            [ROOT / "build/host/hil/machine_simulator", path, "--memory", folder / "exchange",
+             "--lidar", folder / "lidar", "--monitor", folder / "monitor",
+             "--truth", folder / "truth.csv"], stdout=subprocess.PIPE, stderr=log, text=True)
+    try:
+        start = simulator.stdout.readline().removeprefix("start ").strip()
+        if not start:
+            raise RuntimeError((folder / "simulator.log").read_text())
+        prepare(scenario, folder, start)
+        subprocess.run(machine.command(machine.ARCHITECTURES[scenario["machine"]], folder),
+                       stdin=subprocess.DEVNULL, timeout=LIMIT_S, check=True,
+                       stdout=subprocess.DEVNULL)
+        verdicts = judge.judge(scenario, (folder / "out/can.log").read_text())
+    except (OSError, RuntimeError, ValueError, subprocess.SubprocessError) as error:
+        verdicts = [judge.Verdict("the machine runs", "to its end", str(error)[-200:], False)]
+    finally:
+        simulator.terminate()
+        (folder / "simulator.log").write_text(simulator.communicate()[0])
+    for leftover in ("initramfs", "overlay", "exchange", "monitor"):
+        target = folder / leftover
+        shutil.rmtree(target) if target.is_dir() else target.unlink(missing_ok=True)
+    return scenario, verdicts, time.monotonic() - began
+
+
+def row(*cells):
+    print(f"{cells[0]:20} {cells[1]:7} {cells[2]:6} {cells[3]:14} {cells[4]:16} {cells[5]:10} "
+          f"{cells[6]}", flush=True)
+
+
+def main():
+    known = sorted(path.stem for path in (ROOT / "hil/scenarios").glob("*.toml"))
+    parser = argparse.ArgumentParser(description=__doc__.replace("\n", " "))
+    parser.add_argument("scenarios", nargs="*", metavar="SCENARIO", help=", ".join(known))
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="machines at a time")
+    arguments = parser.parse_args()
+    unknown = set(arguments.scenarios) - set(known)
+    if unknown:
+        parser.error(f"no such scenario: {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    names = arguments.scenarios or known
+    for kind in {tomllib.loads((ROOT / f"hil/scenarios/{name}.toml").read_text())
+                 .get("machine", "arm64") for name in names}:
+        machine.build_base(machine.ARCHITECTURES[kind])
+    row("scenario", "machine", "bus", "what", "required", "measured", "")
+    failures = 0
+    with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
+        for name, (scenario, verdicts, _) in zip(names, pool.map(play, names)):
+            first = (name, scenario["machine"], scenario.get("can", "can0"))
+            for verdict in verdicts:
+                row(*first, verdict.what, verdict.required, verdict.measured,
+                    "pass" if verdict.good else "FAIL")
+                first = ("", "", "")
+                failures += not verdict.good
+    if failures:
+        sys.exit(f"hil: {failures} failed; the records lie in {OUT}")
+    print(f"hil: {len(names)} scenarios passed; the records lie in {OUT}")
+
+
+if __name__ == "__main__":
+    main()
