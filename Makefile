@@ -65,6 +65,9 @@ cross: deps ## Build, test and pack the robot for aarch64, armhf, x86-64; build 
 	  packaging/check_reproducible.sh $$preset build/packages; \
 	done
 	@lintian --fail-on error,warning build/packages/*.deb
+	@for preset in aarch64 armhf; do \
+	  cmake --build --preset $$preset --target agent_memory_table; \
+	done
 
 # The recorded drive must give the same bits on every processor.
 .PHONY: cross-replay

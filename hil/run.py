@@ -5,6 +5,7 @@ import argparse
 import concurrent.futures
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import machine
 
 ROOT = machine.ROOT
 OUT = ROOT / "out/hil"
+ALLOCATE = ("malloc", "calloc", "realloc", "memalign", "posix_memalign", "aligned_alloc")
 LIMIT_S = 1200  # real seconds for a machine: a busy host is slow, and nothing else
 
 
@@ -46,10 +48,49 @@ def prepare(scenario, folder, start):
     # QEMU's adapter is an FTDI, the lidar's a CP2102.
     rule = overlay / "usr/lib/udev/rules.d/60-ivfm-lidar.rules"
     rule.write_text(rule.read_text().replace("10c4", "0403").replace("ea60", "6001"))
+    if scenario.get("allocations"):
+        (overlay / "etc/hil.probes").write_text(probes(build / "firmware/agent/linux/ivfm-agent"))
     _, base = machine.build_base(architecture)
     with open(folder / "initramfs", "wb") as file:
         file.write(base.read_bytes())
         file.write(cpio.archive(overlay))
+
+
+def probes(program):
+    """Kernel probes (uprobe_events) on every function of a static program that allocates."""
+    headers = machine.run("readelf", "-lW", program)
+    loads = [[int(word, 16) for word in line.split()[1:5]]
+             for line in headers.splitlines() if line.split()[:1] == ["LOAD"]]
+    lines = []
+    for line in machine.run("nm", program).splitlines():
+        address, *_, name = line.split()
+        if name not in ALLOCATE:
+            continue
+        for offset, begin, _, size in loads:
+            if begin <= int(address, 16) < begin + size:
+                lines.append(f"p:{name} /usr/bin/ivfm-agent:{int(address, 16) - begin + offset:#x}")
+    if len(lines) < 3:
+        raise RuntimeError(f"{program}: no allocating functions found")
+    return "\n".join(lines) + "\n"
+
+
+def judge_memory(scenario, out):
+    """Verdicts on what the kernel says about the agent's memory."""
+    verdicts = []
+    if "most_resident_mib" in scenario:
+        most = scenario["most_resident_mib"]
+        peak = re.search(r"VmHWM:\s+(\d+) kB", (out / "agent.status").read_text())
+        mib = int(peak.group(1)) / 1024
+        verdicts.append(judge.Verdict("resident, most", f"below {most:.0f} MiB", f"{mib:.1f} MiB",
+                                      mib < most))
+    if scenario.get("allocations"):
+        before, _, after = (out / "allocations").read_text().partition("started")
+        calls = [sum(re.search(rf" {name}: ", line) is not None
+                     for line in text.splitlines() for name in ALLOCATE)
+                 for text in (before, after)]
+        verdicts.append(judge.Verdict("allocations", "0 after start", f"{calls[1]}",
+                                      calls[0] > 0 and after != "" and calls[1] == 0))
+    return verdicts
 
 
 def play(name):
@@ -74,6 +115,7 @@ def play(name):
                        stdin=subprocess.DEVNULL, timeout=LIMIT_S, check=True,
                        stdout=subprocess.DEVNULL)
         verdicts = judge.judge(scenario, (folder / "out/can.log").read_text())
+        verdicts += judge_memory(scenario, folder / "out")
     except (OSError, RuntimeError, ValueError, subprocess.SubprocessError) as error:
         verdicts = [judge.Verdict("the machine runs", "to its end", str(error)[-200:], False)]
     finally:

@@ -9,6 +9,20 @@ namespace ivfm {
 
 namespace {
 
+// Writes only where it has to: memory that the operating system gives out when it is first written
+// to (a robot's map of an unknown world) stays free until the robot gets there.
+template <typename T>
+void clear_cells(std::span<T> cells) {
+  for (T& cell : cells) {
+    if (cell != T{}) cell = T{};
+  }
+}
+
+template <typename T>
+bool all_clear(std::span<const T> cells) {
+  return std::ranges::all_of(cells, [](T cell) { return cell == T{}; });
+}
+
 // Moves the contents of a row-major layer by (dx, dy) cells and fills what enters with zeros.
 template <typename T>
 void scroll(std::span<T> layer, const CellRect& from, const CellRect& to) {
@@ -19,8 +33,13 @@ void scroll(std::span<T> layer, const CellRect& from, const CellRect& to) {
   const auto move_row = [&](std::int32_t y) {
     T* target = row_of(to, y);
     const auto width = static_cast<std::size_t>(kept.width);
+    const T* source = row_of(from, y) + (kept.x - from.x);
+    const auto row_width = static_cast<std::size_t>(to.width);
+    if (all_clear(std::span(source, width)) && all_clear(std::span<const T>(target, row_width))) {
+      return;
+    }
     const std::size_t left = static_cast<std::size_t>(kept.x - to.x);
-    std::memmove(target + left, row_of(from, y) + (kept.x - from.x), width * sizeof(T));
+    std::memmove(target + left, source, width * sizeof(T));
     std::fill(target, target + left, T{});
     std::fill(target + left + width, target + to.width, T{});
   };
@@ -30,7 +49,9 @@ void scroll(std::span<T> layer, const CellRect& from, const CellRect& to) {
     for (std::int32_t y = kept.top() - 1; y >= kept.y; --y) move_row(y);
   }
   for (std::int32_t y = to.y; y < to.top(); ++y) {
-    if (y < kept.y || y >= kept.top()) std::fill(row_of(to, y), row_of(to, y) + to.width, T{});
+    if (y < kept.y || y >= kept.top()) {
+      clear_cells(std::span(row_of(to, y), static_cast<std::size_t>(to.width)));
+    }
   }
 }
 
@@ -64,12 +85,12 @@ ExplorationMap::ExplorationMap(const MapLayers& layers, std::int32_t cell_um,
 void ExplorationMap::clear(Cell center) {
   const std::int32_t side = frame_.width();
   frame_ = GridFrame(frame_.cell_um(), {center.x - side / 2, center.y - side / 2, side, side});
-  std::ranges::fill(layers_.occupancy, occupancy::kUnknown);
+  static_assert(occupancy::kUnknown == 0);
+  clear_cells(layers_.occupancy);
   for (const auto& layer :
        {layers_.own_visits, layers_.peer_visits, layers_.flags, layers_.inflation}) {
-    std::ranges::fill(layer, std::uint8_t{0});
+    clear_cells(layer);
   }
-  std::ranges::fill(layers_.path_cost, std::uint16_t{0xffff});
   changes_ = {};
   known_ = {};
 }
@@ -96,7 +117,6 @@ bool ExplorationMap::roll_to(Cell robot) {
   scroll(layers_.flags, w, moved);
   scroll(layers_.inflation, w, moved);
   frame_ = GridFrame(frame_.cell_um(), moved);
-  std::ranges::fill(layers_.path_cost, std::uint16_t{0xffff});
   for (CellRect& change : changes_) change = change.intersection(moved);
   known_ = known_.intersection(moved);
   return true;

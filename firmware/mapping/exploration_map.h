@@ -40,7 +40,7 @@ struct MapLayers {
   std::span<std::uint8_t> peer_visits;  // the sum of the others, saturating at 255
   std::span<std::uint8_t> flags;
   std::span<std::uint8_t> inflation;   // known obstacle cells within the robot's radius
-  std::span<std::uint16_t> path_cost;  // see ShortestPathMap
+  std::span<std::uint16_t> path_cost;  // see ShortestPathMap; says nothing outside its region
 };
 
 // Fixed memory for a square window of `kCells` x `kCells`.

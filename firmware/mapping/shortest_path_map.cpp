@@ -37,16 +37,21 @@ std::uint16_t ShortestPathMap::cost_at(const ExplorationMap& map, Cell c) const 
 void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& region,
                               Clearance clearance) {
   const GridFrame& frame = map.frame();
+  const std::span<std::uint16_t> cost = map.layers().path_cost;
   region_ = region.intersection(frame.window().grown(-1));
   robot_ = robot;
   if (!region_.contains(robot)) {
+    const CellRect inside = region.intersection(frame.window());
+    for (std::int32_t y = inside.y; y < inside.top(); ++y) {
+      std::fill_n(cost.begin() + static_cast<std::ptrdiff_t>(frame.index_of({inside.x, y})),
+                  inside.width, path::kUnreachable);
+    }
     region_ = {};
     return;
   }
   const bool tight = clearance == Clearance::kTight && config_.tight_radius_um > 0;
   // A ring of walls around the region spares the inner loop all bounds checks.
   const CellRect ring = region_.grown(1);
-  const std::span<std::uint16_t> cost = map.layers().path_cost;
   const MapLayers& layers = map.layers();
   for (std::int32_t y = ring.y; y < ring.top(); ++y) {
     const std::size_t row = frame.index_of({ring.x, y});
