@@ -16,7 +16,7 @@ packages=(
   libsqlite3-dev sqlite3
   # Live page, and the browser that tests it
   libcpp-httplib-dev chromium chromium-driver
-  # Evaluation on many machines; hashes of models
+  # Evaluation on many machines; encryption of the radio, hashes of models
   libopenmpi-dev openmpi-bin libsodium-dev
   # Quantizer and training
   libeigen3-dev libtorch-dev

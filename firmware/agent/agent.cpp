@@ -15,10 +15,7 @@ std::uint32_t age_us(TimeUs now_us, TimeUs then_us) {
 // The map's geometry is the explorer's, whatever the configuration says.
 MapLinkConfig link_config(const AgentConfig& config, const Explorer& explorer) {
   MapLinkConfig link = config.link;
-  const GridFrame& frame = explorer.map().frame();
-  link.cell_um = frame.cell_um();
-  link.window_width = static_cast<std::uint16_t>(frame.width());
-  link.window_height = static_cast<std::uint16_t>(frame.height());
+  link.cell_um = explorer.map().frame().cell_um();
   return link;
 }
 
@@ -35,10 +32,11 @@ Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explo
                     config.wheels.max_wheel_um_s * 2),
       follower_(config.follower),
       supervisor_(config.supervisor),
-      link_(explorer.map(), ports.radio, link_config(config, explorer)) {
+      link_(explorer.map(), ports.radio, link_config(config, explorer), ports.seal) {
   localization_.reset(config.start);
   pose_ = config.start;
   explorer_.start(config.start);
+  link_.clip(explorer_.map().frame().window());
   if (config.autostart) (void)supervisor_.request(RobotEvent::kExplore);  // remembered in kBoot
 }
 

@@ -41,7 +41,8 @@ struct AgentPorts {
   SerialPort& lidar;
   CanBus& can;
   DatagramSocket& radio;
-  Clock& clock;  // only to measure how long decisions take
+  Clock& clock;                           // only to measure how long decisions take
+  const DatagramSeal& seal = kPlainSeal;  // of this robot's radio
 };
 
 // Counters and states for people; everything a part counts can be asked from that part.

@@ -1,6 +1,7 @@
 #include "firmware/link/map_link.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace ivfm {
 namespace {
@@ -15,21 +16,29 @@ constexpr std::size_t index_of(Layer layer) { return static_cast<std::size_t>(la
 
 }  // namespace
 
-MapLink::MapLink(SharedMap& map, DatagramSocket& socket, const MapLinkConfig& config)
+MapLink::MapLink(SharedMap& map, DatagramSocket& socket, const MapLinkConfig& config,
+                 const DatagramSeal& seal)
     : map_(map),
       socket_(socket),
       config_(config),
+      seal_(seal),
       window_(kWireCells),
-      timeout_us_(config.retry_us) {
-  hello_.pending = true;
+      timeout_us_(config.retry_us),
+      epoch_(config.epoch) {
+  probe_.pending = true;
 }
 
 void MapLink::mark_dirty(Layer layer, const CellRect& rect) {
-  dirty_[index_of(layer)].add(rect.intersection(kWireCells));
+  const CellRect marked = rect.intersection(kWireCells);
+  dirty_[index_of(layer)].add(marked);
+  marked_[index_of(layer)] = marked_[index_of(layer)].united(marked);
 }
 
 void MapLink::clip(const CellRect& window) {
-  window_ = window.intersection(kWireCells);
+  const CellRect readable = window.intersection(kWireCells);
+  if (readable == window_) return;
+  window_ = readable;
+  hello_ = {.pending = true};
   for (DirtyRectangles& dirty : dirty_) {
     counters_.cells_lost += static_cast<std::uint64_t>(dirty.clip(window_));
   }
@@ -39,8 +48,11 @@ void MapLink::step(TimeUs now_us, const Pose& pose) {
   refill_tokens(now_us);
   receive_all(now_us);
   expire(now_us);
-  send_acknowledgement(now_us);
+  send_probe(now_us);
+  if (!connected_) return;
+  send_acknowledgement();
   send_hello(now_us);
+  send_restore_request(now_us);
   send_found(now_us, pose);
   send_map_updates(now_us, pose);
   send_status(now_us, pose);
@@ -58,10 +70,12 @@ std::optional<CommandCode> MapLink::take_command() {
 }
 
 bool MapLink::all_acknowledged() const {
-  return !has_dirty() && in_flight_size_ == 0 && !hello_.pending && !found_.pending;
+  return connected_ && !has_dirty() && in_flight_size_ == 0 && !probe_.pending && !hello_.pending &&
+         !restore_request_.pending && !found_.pending;
 }
 
 bool MapLink::is_acknowledged(Layer layer, const CellRect& rect) const {
+  if (!welcomed_ || restore_request_.pending) return false;
   if (dirty_[index_of(layer)].intersects(rect)) return false;
   for (std::size_t i = 0; i < in_flight_size_; ++i) {
     const InFlight& sent = in_flight_[i];
@@ -86,40 +100,65 @@ void MapLink::receive_all(TimeUs now_us) {
   }
 }
 
-void MapLink::handle(std::span<const std::uint8_t> datagram, TimeUs now_us) {
-  const auto opened = open_datagram(datagram);
-  if (!opened.ok()) {
-    ++counters_.dropped_malformed;
-    return;
-  }
-  const DatagramHeader& header = opened->header;
-  if (header.robot != config_.robot || !is_from_server(header.kind)) {
+void MapLink::handle(std::span<std::uint8_t> datagram, TimeUs now_us) {
+  const auto robot = peek_robot(datagram);
+  if (robot.ok() && *robot != config_.robot) {
     ++counters_.dropped_misdirected;
     return;
   }
-  if (header.epoch < server_epoch_) {
+  const auto opened = open_datagram(datagram, seal_, {true, config_.boot});
+  if (!opened.ok() || !opened->bound) {
+    const bool refused = opened.ok() || opened.status() == Status::kRefused;
+    ++(refused ? counters_.dropped_refused : counters_.dropped_malformed);
+    return;
+  }
+  if (!is_from_present_server(opened->header)) {
     ++counters_.dropped_stale;
     return;
   }
-  take_server_epoch(header.epoch);
+  if (!server_window_.take(opened->header.sequence)) {
+    ++counters_.dropped_replayed;
+    return;
+  }
   last_heard_us_ = now_us;
-  if (header.kind == MessageKind::kServerAcknowledgement) {
-    handle_acknowledgement(opened->body, now_us);
-  } else if (header.kind == MessageKind::kServerMapUpdate) {
-    handle_map_update(header.sequence, opened->body);
-  } else {
-    handle_command(header.sequence, opened->body);
+  handle_body(*opened, now_us);
+  if (connected_) probe_.pending = false;
+}
+
+// A server that has started again has a larger epoch and counts from 1 again; it has to welcome the
+// robot before anything else is sent to it.
+bool MapLink::is_from_present_server(const DatagramHeader& header) {
+  if (header.epoch <= server_epoch_ && server_boot_ != 0) {
+    return header.epoch == server_epoch_ && header.boot == server_boot_;
+  }
+  server_epoch_ = header.epoch;
+  server_boot_ = header.boot;
+  server_window_ = {};
+  connected_ = false;
+  newest_update_ = 0;
+  command_revision_ = 0;
+  taken_ = {};
+  acknowledgement_due_ = false;
+  return true;
+}
+
+void MapLink::handle_body(const OpenedDatagram& opened, TimeUs now_us) {
+  const std::uint32_t sequence = opened.header.sequence;
+  switch (opened.header.kind) {
+    case MessageKind::kServerAcknowledgement: handle_acknowledgement(opened.body, now_us); break;
+    case MessageKind::kServerMapUpdate: handle_map_update(sequence, opened.body); break;
+    case MessageKind::kCommand: handle_command(sequence, opened.body); break;
+    case MessageKind::kWelcome: handle_welcome(opened.body, now_us); break;
+    case MessageKind::kRestore: handle_restore(opened.body, now_us); break;
+    default: break;  // open_datagram() lets only the server's kinds through
   }
 }
 
-// A server that has started again counts from 1 again.
-void MapLink::take_server_epoch(std::uint32_t epoch) {
-  if (epoch == server_epoch_) return;
-  server_epoch_ = epoch;
-  newest_update_ = 0;
-  command_revision_ = 0;
-  taken_ = {.epoch = epoch};
-  acknowledgement_due_ = false;
+// The server is there: no need to be slow any more.
+void MapLink::note_answer(TimeUs now_us) {
+  last_answer_us_ = now_us;
+  timeout_us_ = config_.retry_us;
+  open_datagrams_allowed_ = std::min(2 * open_datagrams_allowed_, kMaxOpenDatagrams);
 }
 
 void MapLink::handle_acknowledgement(std::span<const std::uint8_t> body, TimeUs now_us) {
@@ -128,38 +167,74 @@ void MapLink::handle_acknowledgement(std::span<const std::uint8_t> body, TimeUs 
     ++counters_.dropped_malformed;
     return;
   }
-  if (ack->epoch != config_.epoch) {
-    ++counters_.dropped_stale;
-    return;
-  }
   for (std::size_t i = in_flight_size_; i-- > 0;) {
     if (ack->covers(in_flight_[i].sequence)) remove_in_flight(i);
   }
   for (Reliable* message : {&hello_, &found_}) {
     if (message->sequence != 0 && ack->covers(message->sequence)) message->pending = false;
   }
-  last_acknowledged_us_ = now_us;
-  timeout_us_ = config_.retry_us;
-  open_datagrams_allowed_ = std::min(2 * open_datagrams_allowed_, kMaxOpenDatagrams);
+  note_answer(now_us);
 }
 
-void MapLink::handle_map_update(std::uint32_t sequence, std::span<const std::uint8_t> body) {
-  if (!ok(check_map_update(body, cells_))) {
+void MapLink::handle_welcome(std::span<const std::uint8_t> body, TimeUs now_us) {
+  const auto welcome = decode_welcome(body);
+  if (!welcome.ok()) {
     ++counters_.dropped_malformed;
     return;
   }
-  MapUpdateReader reader(body);
-  if (reader.cell_um() != config_.cell_um) {
-    ++counters_.dropped_cell_size;
+  note_answer(now_us);
+  if (connected_) return;
+  epoch_ = std::max(epoch_, welcome->epoch);
+  connected_ = true;
+  hello_ = {.pending = true};
+  if (!welcomed_) {
+    restore_request_.pending = welcome->has_cells;
+  } else if (!welcome->knows_epoch) {  // a server that has lost what it once acknowledged
+    for (std::size_t i = 0; i < kLayerCount; ++i) {
+      dirty_[i].add(marked_[i].intersection(window_));
+    }
+  }
+  welcomed_ = true;
+}
+
+void MapLink::handle_restore(std::span<const std::uint8_t> body, TimeUs now_us) {
+  const auto header = decode_restore_header(body);
+  if (!header.ok() || !has_right_cells(body.subspan(kRestoreHeaderBytes))) return;
+  if (!restore_request_.pending || !(header->from == restore_from_)) {
+    ++counters_.dropped_stale;
     return;
   }
-  if (sequence <= newest_update_) {
+  MapUpdateReader reader(body.subspan(kRestoreHeaderBytes));
+  while (true) {
+    const auto region = reader.next(cells_);
+    if (!region.ok()) break;
+    static_cast<void>(map_.restore_own(region->layer, region->rect, region->cells));
+    counters_.cells_restored += static_cast<std::uint32_t>(region->cells.size());
+  }
+  restore_from_ = header->next;
+  restore_request_ = {.pending = header->next.layer != RestoreCursor::kEnd};
+  note_answer(now_us);
+}
+
+// Whether all regions can be read and have this map's cells; counted when not.
+bool MapLink::has_right_cells(std::span<const std::uint8_t> map_update) {
+  if (!ok(check_map_update(map_update, cells_))) {
+    ++counters_.dropped_malformed;
+    return false;
+  }
+  if (MapUpdateReader(map_update).cell_um() == config_.cell_um) return true;
+  ++counters_.dropped_cell_size;
+  return false;
+}
+
+void MapLink::handle_map_update(std::uint32_t sequence, std::span<const std::uint8_t> body) {
+  if (!has_right_cells(body)) return;
+  if (sequence <= newest_update_) {  // not acknowledged: its cells come again
     ++counters_.dropped_stale;
-    // Its acknowledgement may have been lost; one that was never taken is not acknowledged.
-    acknowledgement_due_ = acknowledgement_due_ || taken_.covers(sequence);
     return;
   }
   newest_update_ = sequence;
+  MapUpdateReader reader(body);
   while (true) {
     const auto region = reader.next(cells_);
     if (!region.ok()) break;
@@ -185,36 +260,40 @@ void MapLink::handle_command(std::uint32_t sequence, std::span<const std::uint8_
   command_ = command->code;
 }
 
-// Adds a sequence number to the next acknowledgement; one too old for its bitmap is left out.
 void MapLink::note_taken(std::uint32_t sequence) {
   acknowledgement_due_ = true;
-  if (sequence > taken_.newest) {
-    const std::uint32_t shift = sequence - taken_.newest;
-    const std::uint64_t previous = taken_.newest != 0 && shift <= 64 ? 1ull << (shift - 1) : 0;
-    taken_.earlier = (shift < 64 ? taken_.earlier << shift : 0) | previous;
-    taken_.newest = sequence;
-  } else if (const std::uint32_t age = taken_.newest - sequence; age >= 1 && age <= 64) {
-    taken_.earlier |= 1ull << (age - 1);
-  }
+  taken_.take(sequence);
 }
 
 // --- What is on its way ------------------------------------------------------------------------
 
 // What has waited too long for its acknowledgement becomes dirty again. Only when nothing at all
-// was acknowledged since is the server taken for silent, and the pace goes down.
+// was answered since is the server taken for silent, and the pace goes down.
 void MapLink::expire(TimeUs now_us) {
   bool silent = false;
   for (std::size_t i = in_flight_size_; i-- > 0;) {
-    const TimeUs sent_us = in_flight_[i].sent_us;
-    if (now_us - sent_us < timeout_us_) continue;
-    silent = silent || (sent_us >= last_acknowledged_us_ && sent_us >= backed_off_us_);
+    if (now_us - in_flight_[i].sent_us < timeout_us_) continue;
+    silent = silent || tells_silence(in_flight_[i].sent_us);
     ++counters_.retransmissions;
     requeue(i);
   }
-  if (!silent) return;
-  timeout_us_ = std::min(2 * timeout_us_, config_.retry_max_us);
-  open_datagrams_allowed_ = 1;
-  backed_off_us_ = now_us;
+  for (Reliable* message : {&probe_, &hello_, &restore_request_, &found_}) {
+    if (!message->pending || message->sequence == 0) continue;
+    if (now_us - message->sent_us < timeout_us_) continue;
+    silent = silent || tells_silence(message->sent_us);
+    message->sequence = 0;
+  }
+  if (silent) {
+    timeout_us_ = std::min(2 * timeout_us_, config_.retry_max_us);
+    open_datagrams_allowed_ = 1;
+    backed_off_us_ = now_us;
+  }
+  // Perhaps another server is there now, which takes nothing before it has heard a hello.
+  if (silent || now_us - last_heard_us_ >= config_.keepalive_us) probe_.pending = true;
+}
+
+bool MapLink::tells_silence(TimeUs sent_us) const {
+  return sent_us >= last_answer_us_ && sent_us >= backed_off_us_;
 }
 
 void MapLink::requeue(std::size_t index) {
@@ -251,9 +330,10 @@ void MapLink::refill_tokens(TimeUs now_us) {
 
 bool MapLink::may_send() const { return config_.bytes_per_second == 0 || tokens_ > 0; }
 
-Status MapLink::send(MessageKind kind, std::size_t body_size) {
-  const DatagramHeader header{config_.robot, config_.epoch, next_sequence_++, kind};
-  const auto size = seal_datagram(header, body_size, datagram_);
+Status MapLink::send(MessageKind kind, std::size_t body_size, std::uint64_t receiver_boot) {
+  if (next_sequence_ == std::numeric_limits<std::uint32_t>::max()) return Status::kUnavailable;
+  const DatagramHeader header{config_.robot, epoch_, next_sequence_++, config_.boot, kind};
+  const auto size = seal_datagram(header, body_size, datagram_, seal_, receiver_boot);
   if (!size.ok()) return size.status();
   const Status status = socket_.send(std::span(datagram_).first(*size));
   if (!ok(status)) {
@@ -267,41 +347,61 @@ Status MapLink::send(MessageKind kind, std::size_t body_size) {
   return Status::kOk;
 }
 
-void MapLink::send_acknowledgement(TimeUs) {
+void MapLink::send_acknowledgement() {
   if (!acknowledgement_due_) return;
   acknowledgement_due_ = false;
-  const auto size = encode(taken_, body_of(datagram_));
-  if (size.ok()) static_cast<void>(send(MessageKind::kAcknowledgement, *size));
+  const auto size = encode(Acknowledgement{taken_.newest(), taken_.earlier()}, body_of(datagram_));
+  if (size.ok()) static_cast<void>(send(MessageKind::kAcknowledgement, *size, server_boot_));
 }
 
-bool MapLink::is_due(const Reliable& message, TimeUs now_us) const {
-  if (!message.pending) return false;
-  return message.sequence == 0 || now_us - message.sent_us >= timeout_us_;
-}
+bool MapLink::is_due(const Reliable& message) { return message.pending && message.sequence == 0; }
 
 // A failure to send is like a loss on the way: the message is repeated after the time-out.
 void MapLink::send_reliable(Reliable& message, MessageKind kind, std::size_t body_size,
-                            TimeUs now_us) {
+                            TimeUs now_us, std::uint64_t receiver_boot) {
   message.sequence = next_sequence_;
   message.sent_us = now_us;
-  static_cast<void>(send(kind, body_size));
+  static_cast<void>(send(kind, body_size, receiver_boot));
+}
+
+// The window for the server; empty when there is none, or none that the wire can tell.
+CellRect MapLink::told_window() const {
+  constexpr std::int32_t kMost = 0xffff;
+  return window_.width <= kMost && window_.height <= kMost ? window_ : CellRect{};
+}
+
+std::size_t MapLink::write_hello() {
+  Hello hello;
+  hello.cell_um = config_.cell_um;
+  hello.window = told_window();
+  hello.resuming = welcomed_;
+  hello.set_name(config_.name);
+  return *encode(hello, body_of(datagram_));
+}
+
+void MapLink::send_probe(TimeUs now_us) {
+  if (!is_due(probe_)) return;
+  send_reliable(probe_, MessageKind::kHello, write_hello(), now_us, 0);
 }
 
 void MapLink::send_hello(TimeUs now_us) {
-  if (!is_due(hello_, now_us)) return;
-  Hello hello;
-  hello.cell_um = config_.cell_um;
-  hello.window_width = config_.window_width;
-  hello.window_height = config_.window_height;
-  hello.set_name(config_.name);
-  const auto size = encode(hello, body_of(datagram_));
-  if (size.ok()) send_reliable(hello_, MessageKind::kHello, *size, now_us);
+  if (!is_due(hello_)) return;
+  send_reliable(hello_, MessageKind::kHello, write_hello(), now_us, server_boot_);
+}
+
+void MapLink::send_restore_request(TimeUs now_us) {
+  if (!is_due(restore_request_)) return;
+  RestoreRequest request;
+  request.window = told_window();
+  request.from = restore_from_;
+  const std::size_t size = *encode(request, body_of(datagram_));
+  send_reliable(restore_request_, MessageKind::kRestoreRequest, size, now_us, server_boot_);
 }
 
 void MapLink::send_found(TimeUs now_us, const Pose& pose) {
-  if (!is_due(found_, now_us)) return;
+  if (!is_due(found_)) return;
   const auto size = encode(FoundReport{pack_pose(pose), found_target_}, body_of(datagram_));
-  if (size.ok()) send_reliable(found_, MessageKind::kFound, *size, now_us);
+  if (size.ok()) send_reliable(found_, MessageKind::kFound, *size, now_us, server_boot_);
 }
 
 void MapLink::send_status(TimeUs now_us, const Pose& pose) {
@@ -312,7 +412,7 @@ void MapLink::send_status(TimeUs now_us, const Pose& pose) {
   status_.datagrams_sent = static_cast<std::uint32_t>(counters_.datagrams_sent);
   status_.retransmissions = counters_.retransmissions;
   const auto size = encode(status_, body_of(datagram_));
-  if (size.ok()) static_cast<void>(send(MessageKind::kStatus, *size));
+  if (size.ok()) static_cast<void>(send(MessageKind::kStatus, *size, server_boot_));
 }
 
 bool MapLink::has_dirty() const {
@@ -325,6 +425,7 @@ void MapLink::send_map_updates(TimeUs now_us, const Pose& pose) {
     flush_ = false;
     return;
   }
+  if (restore_request_.pending) return;
   if (flush_ || !last_batch_us_ || now_us - *last_batch_us_ >= config_.batch_period_us) {
     batch_open_ = true;
     flush_ = false;
@@ -348,7 +449,7 @@ bool MapLink::send_map_update(TimeUs now_us, const Pose& pose) {
   }
   if (writer.regions() == 0) return true;
   const auto regions = static_cast<std::uint32_t>(writer.regions());
-  if (send(MessageKind::kMapUpdate, writer.size()) != Status::kFull) {
+  if (send(MessageKind::kMapUpdate, writer.size(), server_boot_) != Status::kFull) {
     counters_.regions_sent += regions;
     return true;
   }

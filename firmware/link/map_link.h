@@ -15,20 +15,21 @@
 #include "shared/wire/datagram.h"
 #include "shared/wire/map_update.h"
 #include "shared/wire/messages.h"
+#include "shared/wire/replay_window.h"
 
 namespace ivfm {
 
 struct MapLinkConfig {
-  std::uint16_t robot = 1;         // 1 .. 65535
-  std::uint32_t epoch = 1;         // larger at every start of this robot: a counter or Unix time
-  std::int32_t cell_um = 50000;    // the map's, 1 .. 2^24 - 1
-  std::uint16_t window_width = 0;  // the map's window in cells
-  std::uint16_t window_height = 0;
-  std::string_view name;              // for people, at most 24 characters
+  std::uint16_t robot = 1;       // 1 .. 65535
+  std::uint32_t epoch = 1;       // of this start; the server raises it when an earlier one had it
+  std::uint64_t boot = 1;        // a random number drawn at this start, not 0
+  std::int32_t cell_um = 50000;  // the map's, 1 .. 2^24 - 1
+  std::string_view name;         // for people, at most 24 characters
   TimeUs batch_period_us = 1000000;   // map updates leave at most this often, or at flush()
   TimeUs status_period_us = 1000000;  // 0: no status messages
   TimeUs retry_us = 1000000;          // without acknowledgement, sent again after this time,
   TimeUs retry_max_us = 16000000;     // which doubles up to here while the server is silent
+  TimeUs keepalive_us = 5000000;      // a server not heard for so long is asked whether it is there
   std::uint32_t bytes_per_second =
       0;  // limit of what is sent, IP and UDP headers included; 0: none
 };
@@ -43,18 +44,25 @@ struct MapLinkCounters {
   std::uint32_t retransmissions = 0;  // regions that became dirty again for want of an answer
   std::uint32_t regions_received = 0;
   std::uint32_t send_failures = 0;        // the socket did not take a datagram
+  std::uint32_t cells_restored = 0;       // own cells taken back after a restart
   std::uint32_t dropped_malformed = 0;    // envelope or body are not what FORMAT.md says
-  std::uint32_t dropped_misdirected = 0;  // for another robot, or not from a server
+  std::uint32_t dropped_misdirected = 0;  // for another robot
+  std::uint32_t dropped_refused = 0;      // not from the server, or for an earlier start
+  std::uint32_t dropped_replayed = 0;     // taken already
   std::uint32_t dropped_stale = 0;        // older than what was taken already
   std::uint32_t dropped_cell_size = 0;    // the team's cells have another size
   std::uint64_t cells_lost = 0;           // left the map's window before the server had them
 };
 
 // Fixed memory, whatever the radio does: a silent server costs nothing and loses nothing. Every
-// change of the robot's own layers has to be marked with mark_dirty().
+// change of the robot's own layers has to be marked with mark_dirty(). The first thing that leaves
+// is a hello; all else waits for the server's welcome, and map updates until the robot has its own
+// cells of before its last restart back (FORMAT.md, "Conversation").
 class MapLink {
  public:
-  MapLink(SharedMap& map, DatagramSocket& socket, const MapLinkConfig& config);
+  // `seal` must outlive the link.
+  MapLink(SharedMap& map, DatagramSocket& socket, const MapLinkConfig& config,
+          const DatagramSeal& seal = kPlainSeal);
   MapLink(const MapLink&) = delete;
   MapLink& operator=(const MapLink&) = delete;
 
@@ -62,8 +70,9 @@ class MapLink {
   void mark_dirty(Layer layer, const CellRect& rect);
   // Sends what is dirty with the next step(), without waiting for the batch period.
   void flush() { flush_ = true; }
-  // The map's window has moved: what lies outside can no longer be read. Dirty cells there are
-  // given up and counted in cells_lost; ask is_acknowledged() before moving on to avoid that.
+  // The map's window, at first and when it has moved: what lies outside cannot be read. Dirty cells
+  // there are given up and counted in cells_lost; ask is_acknowledged() before moving to avoid
+  // that.
   void clip(const CellRect& window);
 
   // Receives and sends what is due; bounded work. `pose` goes along with map updates.
@@ -76,9 +85,12 @@ class MapLink {
   // The newest command not yet taken, if there is one.
   std::optional<CommandCode> take_command();
 
+  // The epoch in use: the configured one or a larger one.
+  std::uint32_t epoch() const { return epoch_; }
   // True when the server has made everything durable: map, hello, found.
   bool all_acknowledged() const;
-  // True when the server has every marked cell of `rect`.
+  // True when the server has every marked cell of `rect`, and this robot what the server had of it
+  // before it was started.
   bool is_acknowledged(Layer layer, const CellRect& rect) const;
   // When the last proper datagram of the server came; 0: never.
   TimeUs last_heard_us() const { return last_heard_us_; }
@@ -102,26 +114,37 @@ class MapLink {
   static constexpr int kMaxReceivesPerStep = 32;
 
   void receive_all(TimeUs now_us);
-  void handle(std::span<const std::uint8_t> datagram, TimeUs now_us);
-  void take_server_epoch(std::uint32_t epoch);
+  void handle(std::span<std::uint8_t> datagram, TimeUs now_us);
+  bool is_from_present_server(const DatagramHeader& header);
+  void handle_body(const OpenedDatagram& opened, TimeUs now_us);
   void handle_acknowledgement(std::span<const std::uint8_t> body, TimeUs now_us);
   void handle_map_update(std::uint32_t sequence, std::span<const std::uint8_t> body);
   void handle_command(std::uint32_t sequence, std::span<const std::uint8_t> body);
+  void handle_welcome(std::span<const std::uint8_t> body, TimeUs now_us);
+  void handle_restore(std::span<const std::uint8_t> body, TimeUs now_us);
+  bool has_right_cells(std::span<const std::uint8_t> map_update);
+  void note_answer(TimeUs now_us);
   void note_taken(std::uint32_t sequence);
 
   void expire(TimeUs now_us);
+  bool tells_silence(TimeUs sent_us) const;
   void requeue(std::size_t index);
   void remove_in_flight(std::size_t index);
 
-  void send_acknowledgement(TimeUs now_us);
+  void send_acknowledgement();
+  void send_probe(TimeUs now_us);
   void send_hello(TimeUs now_us);
+  std::size_t write_hello();
+  CellRect told_window() const;
+  void send_restore_request(TimeUs now_us);
   void send_found(TimeUs now_us, const Pose& pose);
   void send_status(TimeUs now_us, const Pose& pose);
   void send_map_updates(TimeUs now_us, const Pose& pose);
   bool send_map_update(TimeUs now_us, const Pose& pose);
   bool add_region(MapUpdateWriter& writer, TimeUs now_us);
-  void send_reliable(Reliable& message, MessageKind kind, std::size_t body_size, TimeUs now_us);
-  bool is_due(const Reliable& message, TimeUs now_us) const;
+  void send_reliable(Reliable& message, MessageKind kind, std::size_t body_size, TimeUs now_us,
+                     std::uint64_t receiver_boot);
+  static bool is_due(const Reliable& message);
   bool has_dirty() const;
   DirtyRectangles* next_dirty_layer();
   void refill_tokens(TimeUs now_us);
@@ -129,16 +152,18 @@ class MapLink {
   std::uint32_t open_datagrams() const;
   // Fills in the envelope around `body_size` bytes of body and sends; takes the next sequence
   // number.
-  Status send(MessageKind kind, std::size_t body_size);
+  Status send(MessageKind kind, std::size_t body_size, std::uint64_t receiver_boot);
 
   SharedMap& map_;
   DatagramSocket& socket_;
   MapLinkConfig config_;
+  const DatagramSeal& seal_;
   MapLinkCounters counters_;
 
   std::array<DirtyRectangles, kLayerCount> dirty_;
-  std::size_t turn_ = 0;  // the layer that sends next
-  CellRect window_;       // what can be read of the map
+  std::size_t turn_ = 0;                        // the layer that sends next
+  CellRect window_;                             // what can be read of the map
+  std::array<CellRect, kLayerCount> marked_{};  // holds all that was ever marked
   std::array<InFlight, kMaxInFlight> in_flight_{};
   std::size_t in_flight_size_ = 0;
   std::uint32_t next_sequence_ = 1;
@@ -148,7 +173,7 @@ class MapLink {
   std::optional<TimeUs> last_batch_us_;
   std::optional<TimeUs> last_status_us_;
   TimeUs last_heard_us_ = 0;
-  TimeUs last_acknowledged_us_ = 0;
+  TimeUs last_answer_us_ = 0;
 
   TimeUs timeout_us_ = 0;
   TimeUs backed_off_us_ = 0;
@@ -156,14 +181,22 @@ class MapLink {
   std::int64_t tokens_ = 0;  // bytes that may leave, times 1,000,000
   TimeUs refilled_us_ = 0;
 
+  std::uint32_t epoch_;
   std::uint32_t server_epoch_ = 0;
+  std::uint64_t server_boot_ = 0;
+  ReplayWindow server_window_;
+  bool connected_ = false;  // the present server has welcomed this robot
+  bool welcomed_ = false;   // some server has, since the start
   std::uint32_t newest_update_ = 0;
-  Acknowledgement taken_;  // what of the server's was taken, in its epoch
+  ReplayWindow taken_;  // what is to be acknowledged
   bool acknowledgement_due_ = false;
   std::uint32_t command_revision_ = 0;
   std::optional<CommandCode> command_;
 
+  Reliable probe_;  // a hello to a server not known yet, or silent
   Reliable hello_;
+  Reliable restore_request_;
+  RestoreCursor restore_from_;  // while restore_request_ is pending
   Reliable found_;
   Point found_target_;
   RobotStatus status_;

@@ -38,6 +38,15 @@ class TestMap final : public SharedMap {
     });
     return Status::kOk;
   }
+  Status restore_own(Layer layer, const CellRect& rect,
+                     std::span<const std::uint8_t> cells) override {
+    std::size_t i = 0;
+    for_each(rect, [&](Cell c) {
+      if (frame_.contains(c)) own(layer, c) = static_cast<std::uint8_t>(own(layer, c) + cells[i]);
+      ++i;
+    });
+    return Status::kOk;
+  }
   std::uint8_t& own(Layer layer, Cell c) { return own_[at(layer)][frame_.index_of(c)]; }
   std::uint8_t peers(Layer layer, Cell c) const { return peers_[at(layer)][frame_.index_of(c)]; }
   const CellRect& window() const { return frame_.window(); }
@@ -55,7 +64,7 @@ class TestMap final : public SharedMap {
   std::array<std::vector<std::uint8_t>, kLayerCount> own_, peers_;
 };
 
-// What the real server does, in its simplest form: merge, acknowledge, send one map update.
+// What the real server does, in its simplest form: welcome, merge, acknowledge, hand cells back.
 class ServerModel {
  public:
   ServerModel(DatagramSocket& socket, std::uint32_t epoch) : socket_(socket), epoch_(epoch) {}
@@ -65,8 +74,16 @@ class ServerModel {
     while (true) {
       const auto size = socket_.receive(buffer);
       if (!size.ok()) break;
-      const auto opened = open_datagram(std::span(buffer).first(*size));
-      if (opened.ok()) take(opened->header, opened->body);
+      const auto opened =
+          open_datagram(std::span(buffer).first(*size), kPlainSeal, {false, epoch_});
+      if (!opened.ok()) continue;
+      robot_boot = opened->header.boot;
+      if (opened->bound) {
+        take(opened->header, opened->body);
+      } else {
+        last_hello = *decode_hello(opened->body);
+        send(MessageKind::kWelcome, *encode(welcome, body_of(out_)));
+      }
     }
   }
   void send_command(CommandCode code, std::uint32_t revision) {
@@ -78,37 +95,52 @@ class ServerModel {
     EXPECT_EQ(writer.add(layer, rect, cells), Status::kOk);
     return send(MessageKind::kServerMapUpdate, writer.size());
   }
+  // Hands back a region of the robot's own, as the answer to a request from `from`.
+  void send_own(const RestoreCursor& from, const RestoreCursor& next, const CellRect& rect,
+                std::vector<std::uint8_t> cells) {
+    static_cast<void>(encode(RestoreHeader{from, next}, body_of(out_)));
+    MapUpdateWriter writer(body_of(out_).subspan(kRestoreHeaderBytes), 50000, {});
+    EXPECT_EQ(writer.add(Layer::kVisits, rect, cells), Status::kOk);
+    send(MessageKind::kRestore, kRestoreHeaderBytes + writer.size());
+  }
   std::uint8_t value(Layer layer, Cell c) const {
     const auto it = cells_.find({layer, c.x, c.y});
     return it == cells_.end() ? std::uint8_t{0} : it->second.second;
   }
   void start_again(std::uint32_t epoch) {
     epoch_ = epoch;
-    sequence_ = 0;
+    sequence = 0;
   }
 
   std::map<MessageKind, int> received;
   Acknowledgement last_acknowledgement;
   FoundReport found;
   RobotStatus status;
+  Hello last_hello;
+  std::vector<RestoreRequest> restore_requests;
+  Welcome welcome{9, true, false};
+  std::uint64_t robot_boot = 1;
+  std::uint32_t sequence = 0;
 
  private:
   void take(const DatagramHeader& header, std::span<const std::uint8_t> body) {
     ++received[header.kind];
-    if (header.kind == MessageKind::kAcknowledgement) {
-      last_acknowledgement = *decode_acknowledgement(body);
-      return;
+    switch (header.kind) {
+      case MessageKind::kAcknowledgement:
+        last_acknowledgement = *decode_acknowledgement(body);
+        return;
+      case MessageKind::kStatus: status = *decode_robot_status(body); return;
+      case MessageKind::kRestoreRequest:
+        restore_requests.push_back(*decode_restore_request(body));
+        return;
+      case MessageKind::kHello: last_hello = *decode_hello(body); break;
+      case MessageKind::kFound: found = *decode_found_report(body); break;
+      default: merge(header.sequence, body); break;
     }
-    if (header.kind == MessageKind::kStatus) {
-      status = *decode_robot_status(body);
-      return;
-    }
-    if (header.kind == MessageKind::kFound) found = *decode_found_report(body);
-    if (header.kind == MessageKind::kMapUpdate) merge(header.sequence, body);
     send(MessageKind::kServerAcknowledgement,
-         *encode(Acknowledgement{header.epoch, header.sequence, 0}, body_of(out_)));
+         *encode(Acknowledgement{header.sequence, 0}, body_of(out_)));
   }
-  void merge(std::uint32_t sequence, std::span<const std::uint8_t> body) {
+  void merge(std::uint32_t update, std::span<const std::uint8_t> body) {
     std::array<std::uint8_t, kMaxBlockCells> buffer;
     MapUpdateReader reader(body);
     while (true) {
@@ -123,22 +155,22 @@ class ServerModel {
         const std::uint8_t sent = region->cells[i++];
         if (region->layer == Layer::kVisits) {
           value = std::max(value, sent);
-        } else if (sequence > newest) {
-          newest = sequence;
+        } else if (update > newest) {
+          newest = update;
           value = sent;
         }
       });
     }
   }
   std::uint32_t send(MessageKind kind, std::size_t size) {
-    const DatagramHeader header{1, epoch_, ++sequence_, kind};
-    static_cast<void>(socket_.send(std::span(out_).first(*seal_datagram(header, size, out_))));
-    return sequence_;
+    const DatagramHeader header{1, epoch_, ++sequence, epoch_, kind};
+    static_cast<void>(socket_.send(
+        std::span(out_).first(*seal_datagram(header, size, out_, kPlainSeal, robot_boot))));
+    return sequence;
   }
 
   DatagramSocket& socket_;
-  std::uint32_t epoch_;
-  std::uint32_t sequence_ = 0;
+  std::uint32_t epoch_;  // its boot, too
   std::array<std::uint8_t, kMaxDatagramBytes> out_{};
   std::map<std::tuple<Layer, int, int>, std::pair<std::uint32_t, std::uint8_t>> cells_;
 };
@@ -259,7 +291,6 @@ TEST_F(MapLinkTest, WhatTheOthersSawIsWrittenAndAcknowledged) {
   run(kSecond);
   EXPECT_EQ(map_.peers(Layer::kVisits, {-50, -40}), 3);
   EXPECT_EQ(map_.peers(Layer::kVisits, {-49, -40}), 4);
-  EXPECT_EQ(server_.last_acknowledgement.epoch, 100u);
   EXPECT_TRUE(server_.last_acknowledgement.covers(sequence));
 }
 
@@ -269,7 +300,7 @@ TEST_F(MapLinkTest, AnOlderUpdateNeverReplacesANewerOne) {
   radio_.set_partitioned(false);
   const auto sequence = server_.send_region(Layer::kObstacles, {0, 0, 1, 1}, {1});
   run(kSecond);
-  server_.start_again(100);  // counts from 1 in the same epoch: what a delayed datagram looks like
+  server_.sequence = old_sequence - 1;  // what a delayed datagram looks like
   server_.send_region(Layer::kObstacles, {0, 0, 1, 1}, {0});
   run(kSecond);
   EXPECT_EQ(map_.peers(Layer::kObstacles, {0, 0}), 1);
@@ -289,6 +320,94 @@ TEST_F(MapLinkTest, ARestartedServerIsUnderstoodAndItsFormerSelfIgnored) {
   server_.send_region(Layer::kVisits, {0, 0, 1, 1}, {9});
   run(kSecond);
   EXPECT_EQ(map_.peers(Layer::kVisits, {0, 0}), 2);
+}
+
+TEST_F(MapLinkTest, ARestartedServerIsNoticedAndGetsTheRestAndNothingTwice) {
+  visit({0, 0, 10, 10});
+  run(3 * kSecond);
+  server_.start_again(101);
+  const int updates = server_.received[MessageKind::kMapUpdate];
+  visit({20, 0, 10, 10});
+  run(10 * kSecond);
+  EXPECT_TRUE(server_.last_hello.resuming);
+  EXPECT_TRUE(link_.all_acknowledged());
+  expect_server_has_everything();
+  EXPECT_EQ(server_.received[MessageKind::kMapUpdate], updates + 1);
+}
+
+TEST_F(MapLinkTest, AnIdleLinkFindsARestartedServerToo) {
+  run(3 * kSecond);
+  server_.start_again(101);
+  run(8 * kSecond);
+  EXPECT_EQ(server_.received[MessageKind::kHello], 2);
+}
+
+TEST_F(MapLinkTest, AServerThatHasLostEverythingGetsEverythingAgain) {
+  visit({0, 0, 10, 10});
+  run(3 * kSecond);
+  ServerModel other(radio_.server(), 101);
+  other.welcome = {10, false, false};
+  for (const TimeUs end = now_ + 20 * kSecond; now_ < end; now_ += kTick) {
+    radio_.set_now(now_);
+    link_.step(now_, {});
+    other.step();
+  }
+  EXPECT_EQ(other.value(Layer::kVisits, {5, 5}), 1);
+  EXPECT_EQ(link_.epoch(), 10u);
+}
+
+TEST_F(MapLinkTest, NothingButAHelloLeavesBeforeTheWelcome) {
+  visit({0, 0, 10, 10});
+  radio_.set_now(now_);
+  link_.step(now_, {});
+  link_.report_found({1, 2});
+  link_.step(now_ + kTick, {});
+  EXPECT_EQ(link_.counters().datagrams_sent, 1u);
+  EXPECT_FALSE(link_.all_acknowledged());
+}
+
+TEST_F(MapLinkTest, OwnCellsOfBeforeTheRestartAreAddedOnceAndOnlyThenIsTheMapSent) {
+  server_.welcome = {12, false, true};
+  visit({0, 0, 2, 1});
+  run(2 * kSecond);
+  EXPECT_EQ(link_.epoch(), 12u);
+  EXPECT_EQ(server_.received[MessageKind::kMapUpdate], 0);
+  ASSERT_FALSE(server_.restore_requests.empty());
+  EXPECT_EQ(server_.restore_requests.back().from, RestoreCursor{});
+  const RestoreCursor second{0, 3, 0};
+  for (int i = 0; i < 3; ++i) server_.send_own({}, second, {1, 0, 2, 1}, {5, 6});
+  run(kSecond);
+  EXPECT_EQ(server_.restore_requests.back().from, second);
+  EXPECT_EQ(map_.own(Layer::kVisits, {0, 0}), 1);
+  EXPECT_EQ(map_.own(Layer::kVisits, {1, 0}), 6);
+  EXPECT_EQ(map_.own(Layer::kVisits, {2, 0}), 6);
+  EXPECT_FALSE(link_.all_acknowledged());
+  server_.send_own(second, {.layer = RestoreCursor::kEnd}, {96, 0, 1, 1}, {7});
+  run(2 * kSecond);
+  EXPECT_EQ(map_.own(Layer::kVisits, {96, 0}), 7);
+  EXPECT_EQ(server_.value(Layer::kVisits, {1, 0}), 6);
+  EXPECT_EQ(link_.counters().cells_restored, 3u);
+  EXPECT_TRUE(link_.all_acknowledged());
+}
+
+TEST_F(MapLinkTest, TheServerHearsOfAWindowThatMoves) {
+  link_.clip({0, 0, 100, 100});
+  run(kSecond);
+  link_.clip({50, 0, 100, 100});
+  run(kSecond);
+  EXPECT_EQ(server_.received[MessageKind::kHello], 2);
+  EXPECT_EQ(server_.last_hello.window, (CellRect{50, 0, 100, 100}));
+}
+
+TEST_F(MapLinkTest, ADatagramIsTakenOnce) {
+  run(kSecond);
+  RadioFaults faults;
+  faults.duplicate = 1;
+  radio_.set_faults(faults);
+  server_.send_command(CommandCode::kStop, 1);
+  run(kSecond);
+  EXPECT_EQ(link_.take_command(), CommandCode::kStop);
+  EXPECT_GT(link_.counters().dropped_replayed, 0u);
 }
 
 TEST_F(MapLinkTest, CellsOfAnotherSizeAreNotTaken) {
@@ -343,21 +462,27 @@ TEST_F(MapLinkTest, GarbageIsCountedAndChangesNothing) {
     static_cast<void>(radio_.server().send(bytes));
     run(kTick);
   }
-  EXPECT_EQ(link_.counters().dropped_malformed, 2000u);
+  const MapLinkCounters& counters = link_.counters();
+  EXPECT_EQ(counters.dropped_malformed + counters.dropped_misdirected + counters.dropped_refused,
+            2000u);
 }
 
 TEST_F(MapLinkTest, DatagramsForOthersAndReflectedOnesAreDropped) {
   std::array<std::uint8_t, kMaxDatagramBytes> out{};
-  const auto send = [&](const DatagramHeader& header) {
+  const auto send = [&](const DatagramHeader& header, std::uint64_t receiver) {
     const auto size = encode(Command{CommandCode::kStop, 1}, body_of(out));
-    static_cast<void>(
-        radio_.server().send(std::span(out).first(*seal_datagram(header, *size, out))));
+    static_cast<void>(radio_.server().send(
+        std::span(out).first(*seal_datagram(header, *size, out, kPlainSeal, receiver))));
   };
-  send({2, 100, 1, MessageKind::kCommand});
-  send({1, 100, 2, MessageKind::kMapUpdate});
+  run(kSecond);
+  send({2, 100, 1001, 100, MessageKind::kCommand}, 1);  // another robot
+  send({1, 100, 1002, 100, MessageKind::kStatus}, 1);   // a robot's kind
+  send({1, 100, 1003, 100, MessageKind::kCommand}, 2);  // an earlier start
+  send({1, 100, 1004, 100, MessageKind::kCommand}, 0);
   run(kSecond);
   EXPECT_FALSE(link_.take_command().has_value());
-  EXPECT_EQ(link_.counters().dropped_misdirected, 2u);
+  EXPECT_EQ(link_.counters().dropped_misdirected, 1u);
+  EXPECT_EQ(link_.counters().dropped_refused, 3u);
 }
 
 TEST_F(MapLinkTest, AFullSocketKeepsTheCellsDirty) {
@@ -384,6 +509,7 @@ TEST_F(MapLinkTest, AMissingRouteIsLikeASilentServer) {
 }
 
 TEST_F(MapLinkTest, WhatLeavesTheWindowIsGivenUpAndCounted) {
+  run(kSecond);
   radio_.set_partitioned(true);
   visit({-50, 0, 10, 1});
   visit({100, 0, 10, 1});

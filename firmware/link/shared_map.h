@@ -19,6 +19,11 @@ class SharedMap {
   // kInvalidArgument: `cells` is not rect.area() bytes.
   virtual Status write_peers(Layer layer, const CellRect& rect,
                              std::span<const std::uint8_t> cells) = 0;
+  // Takes back what this robot saw in `rect` before it was started again; called once for a cell.
+  // Visits are added to those since the start; obstacles count where nothing was seen since. Cells
+  // that then differ from what the server said have changed. Codes as write_peers.
+  virtual Status restore_own(Layer layer, const CellRect& rect,
+                             std::span<const std::uint8_t> cells) = 0;
 
  protected:
   ~SharedMap() = default;

@@ -261,6 +261,35 @@ Status ExplorationMap::write_peers(Layer layer, const CellRect& rect,
   return Status::kOk;
 }
 
+Status ExplorationMap::restore_own(Layer layer, const CellRect& rect,
+                                   std::span<const std::uint8_t> cells) {
+  if (static_cast<std::int64_t>(cells.size()) != rect.area()) return Status::kInvalidArgument;
+  const CellRect inside = rect.intersection(frame_.window());
+  known_ = known_.united(inside);
+  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
+    for (std::int32_t x = inside.x; x < inside.right(); ++x) {
+      const std::size_t i =
+          static_cast<std::size_t>(y - rect.y) * static_cast<std::size_t>(rect.width) +
+          static_cast<std::size_t>(x - rect.x);
+      restore_cell(layer, {x, y}, cells[i]);
+    }
+  }
+  return Status::kOk;
+}
+
+void ExplorationMap::restore_cell(Layer layer, Cell c, std::uint8_t value) {
+  const std::size_t i = frame_.index_of(c);
+  if (layer == Layer::kVisits) {
+    std::uint8_t& count = layers_.own_visits[i];
+    if (count != 0 && value != 0) note_change(layer, c);
+    count = saturating_add(count, value);
+    return;
+  }
+  if (value != 0 && layers_.occupancy[i] == occupancy::kUnknown) add_evidence(c, occupancy::kHit);
+  const bool is_obstacle_now = (layers_.flags[i] & cell_flag::kOwnObstacle) != 0;
+  if (is_obstacle_now != (value != 0)) note_change(layer, c);
+}
+
 void ExplorationMap::copy_from(const ExplorationMap& other) {
   assert(frame_.width() == other.frame_.width());
   std::ranges::copy(other.layers_.occupancy, layers_.occupancy.begin());
@@ -285,10 +314,7 @@ void ExplorationMap::update_obstacle(Cell c, std::uint8_t flag, bool occupied) {
   flags = static_cast<std::uint8_t>(occupied ? flags | flag : flags & ~flag);
   const bool is_obstacle_now = (flags & cell_flag::kObstacle) != 0;
   if (was_obstacle != is_obstacle_now) stamp_inflation(c, is_obstacle_now ? 1 : -1);
-  if (flag == cell_flag::kOwnObstacle) {
-    CellRect& change = changes_[static_cast<std::size_t>(Layer::kObstacles)];
-    change = change.united(c);
-  }
+  if (flag == cell_flag::kOwnObstacle) note_change(Layer::kObstacles, c);
 }
 
 void ExplorationMap::stamp_inflation(Cell c, int step) {

@@ -111,6 +111,8 @@ class ExplorationMap final : public SharedMap {
   Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const override;
   Status write_peers(Layer layer, const CellRect& rect,
                      std::span<const std::uint8_t> cells) override;
+  Status restore_own(Layer layer, const CellRect& rect,
+                     std::span<const std::uint8_t> cells) override;
 
   // Takes over another map's contents; both must have the same window size and cell size.
   void copy_from(const ExplorationMap& other);
@@ -120,6 +122,11 @@ class ExplorationMap final : public SharedMap {
     return frame_.contains(c) && (layers_.flags[frame_.index_of(c)] & flag) != 0;
   }
   void update_obstacle(Cell c, std::uint8_t flag, bool occupied);
+  void restore_cell(Layer layer, Cell c, std::uint8_t value);
+  void note_change(Layer layer, Cell c) {
+    CellRect& change = changes_[static_cast<std::size_t>(layer)];
+    change = change.united(c);
+  }
   void stamp_inflation(Cell c, int step);
   void add_miss_at(std::size_t index, Cell c);
 

@@ -8,6 +8,7 @@
 #include "host/demo/demo_command.h"
 #include "host/evaluation/eval_command.h"
 #include "host/log_analysis/log_command.h"
+#include "host/map_server/keygen_command.h"
 #include "host/map_server/serve_command.h"
 #include "host/radio/radio_command.h"
 #include "host/simulator/replay_command.h"
@@ -27,6 +28,7 @@ int run(int argc, char** argv) {
   ivfm::host::add_canbus_command(app, action);
   ivfm::host::add_replay_command(app, action);
   ivfm::host::add_serve_command(app, action);
+  ivfm::host::add_keygen_command(app, action);
   ivfm::host::add_radio_command(app, action);
   ivfm::host::add_log_command(app, action);
   try {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <random>
 #include <string>
 #include <thread>
 #include <vector>
@@ -45,6 +46,9 @@ class Room final : public SharedMap {
   Status write_peers(Layer, const CellRect&, std::span<const std::uint8_t>) override {
     return Status::kOk;
   }
+  Status restore_own(Layer, const CellRect&, std::span<const std::uint8_t>) override {
+    return Status::kOk;
+  }
 
   // Counts a visit of everything near `centre`; walls are the room's border. Answers what changed.
   CellRect see(Cell centre) {
@@ -72,7 +76,9 @@ class Room final : public SharedMap {
 class Robot {
  public:
   Robot(std::uint16_t id, const std::string& server, std::uint32_t epoch)
-      : room_(id - 1), socket_(server), link_(room_, socket_, config(id, epoch)) {}
+      : room_(id - 1), socket_(server), link_(room_, socket_, config(id, epoch)) {
+    link_.clip(room_.window());
+  }
 
   void step(TimeUs now_us, double dt_s) {
     if (const auto command = link_.take_command()) obey(*command);
@@ -94,7 +100,7 @@ class Robot {
     config.robot = id;
     config.epoch = epoch;
     config.name = name_;
-    config.window_width = config.window_height = kRoomCells;
+    config.boot = std::random_device()() + std::uint64_t{1};
     config.batch_period_us = config.status_period_us = 200000;
     return config;
   }

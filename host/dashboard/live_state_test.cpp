@@ -31,8 +31,8 @@ class LiveStateTest : public testing::Test {
     MapUpdateWriter writer(body_of(out), 50000, pack_pose(pose));
     const std::vector<std::uint8_t> cells(static_cast<std::size_t>(rect.area()), value);
     ASSERT_EQ(writer.add(layer, rect, cells), Status::kOk);
-    const DatagramHeader header{robot, 1, ++sequence_, MessageKind::kMapUpdate};
-    const std::size_t size = *seal_datagram(header, writer.size(), out);
+    const DatagramHeader header{robot, 1, ++sequence_, robot, MessageKind::kMapUpdate};
+    const std::size_t size = *seal_datagram(header, writer.size(), out, kPlainSeal, server_.boot());
     now_us_ += 100000;
     server_.receive({}, std::span(out).first(size), now_us_);
     server_.step(now_us_);

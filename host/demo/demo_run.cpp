@@ -151,7 +151,7 @@ void DemoRun::prepare_folder() const {
   }
   probe.close();
   for (const char* name : {"run.db", "run.db-wal", "run.db-shm", "can.log", "truth.csv", "map.png",
-                           "map.pgm", "map.yaml", "report.html", "logs", "lidars"}) {
+                           "map.pgm", "map.yaml", "report.html", "keys", "logs", "lidars"}) {
     fs::remove_all(options_.out / name);
   }
   for (int robot = 1; robot <= 8; ++robot) {

@@ -6,6 +6,8 @@
 #include <sstream>
 #include <utility>
 
+#include "host/map_server/keygen_command.h"
+
 namespace ivfm::host {
 namespace {
 
@@ -81,6 +83,8 @@ ChildProcess& Fleet::launch(const std::string& name, const std::vector<std::stri
 }
 
 void Fleet::start() {
+  std::ostringstream unsaid;
+  write_team_keys(options_.robots, options_.folder / "keys", unsaid);
   start_bus();
   start_simulator();
   start_server();
@@ -124,8 +128,9 @@ void Fleet::start_simulator() {
 void Fleet::start_server() {
   const ChildProcess& child =
       launch("serve",
-             {options_.ivfm, "serve", "--listen", "127.0.0.1:0", "--db", database(), "--http",
-              "127.0.0.1:0", "--time-scale", shortest(options_.time_scale)},
+             {options_.ivfm, "serve", "--listen", "127.0.0.1:0", "--keys",
+              options_.folder / "keys/server.keys", "--db", database(), "--http", "127.0.0.1:0",
+              "--time-scale", shortest(options_.time_scale)},
              [this](std::string_view line) {
                if (server_address_.empty()) server_address_ = between(line, "listening on ", ", ");
                if (live_page_.empty()) live_page_ = between(line, "live page ", " ");
@@ -140,6 +145,8 @@ void Fleet::start_agent(int robot) {
   std::copy(std::istream_iterator<std::string>(connections), {}, std::back_inserter(command));
   for (const std::string& argument :
        {std::string("--server"), server_address_, std::string("--robot-id"), std::to_string(robot),
+        std::string("--key"),
+        (options_.folder / "keys" / ("robot" + std::to_string(robot) + ".key")).string(),
         std::string("--time-scale"), shortest(options_.time_scale), std::string("--dump-map"),
         map_dump(robot).string(), std::string("--telemetry"), std::string("json")}) {
     command.push_back(argument);

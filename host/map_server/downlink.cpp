@@ -13,10 +13,17 @@ std::int64_t squared_distance(const CellRect& rect, Cell center) {
 
 }  // namespace
 
+void Downlink::set_window(const CellRect& window) {
+  window_ = window;
+  for (auto& entry : dirty_) entry.second = entry.second.intersection(window);
+  std::erase_if(dirty_, [](const auto& entry) { return entry.second.empty(); });
+}
+
 void Downlink::mark(const TileKey& key, const CellRect& rect) {
-  if (rect.empty()) return;
+  const CellRect news = rect.intersection(window_);
+  if (news.empty()) return;
   CellRect& dirty = dirty_[key];
-  dirty = dirty.united(rect);
+  dirty = dirty.united(news);
 }
 
 void Downlink::expire(TimeUs now_us) {

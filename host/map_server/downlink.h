@@ -18,8 +18,8 @@ struct DownlinkConfig {
   std::uint32_t max_open_datagrams = 16;
 };
 
-// Per tile one rectangle of changed cells: memory is bounded by the map, not by the traffic. Only
-// what changed since the robot's last acknowledgement is sent.
+// Per tile of the robot's window one rectangle of changed cells: memory is bounded by the window,
+// not by the traffic or the map. Only what changed since the robot's last acknowledgement is sent.
 class Downlink {
  public:
   struct Part {
@@ -30,6 +30,10 @@ class Downlink {
   explicit Downlink(const DownlinkConfig& config = {})
       : config_(config), timeout_us_(config.retry_us), open_allowed_(config.max_open_datagrams) {}
 
+  // The cells that the robot's map can hold; what was to be sent outside is forgotten.
+  void set_window(const CellRect& window);
+  const CellRect& window() const { return window_; }
+  // The part of `rect` inside the window has news. `rect`: inside the tile.
   void mark(const TileKey& key, const CellRect& rect);
   // What was sent long ago and not acknowledged becomes dirty again.
   void expire(TimeUs now_us);
@@ -54,6 +58,7 @@ class Downlink {
   };
 
   DownlinkConfig config_;
+  CellRect window_;
   std::map<TileKey, CellRect> dirty_;
   std::map<std::uint32_t, std::vector<InFlight>> in_flight_;  // by datagram
   TimeUs timeout_us_;

@@ -1,6 +1,7 @@
 #include "host/map_server/map_server.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace ivfm::host {
 namespace {
@@ -12,10 +13,13 @@ constexpr TimeUs kForgetPeriodUs = 10000000;
 
 std::int64_t to_sql(TimeUs time_us) { return static_cast<std::int64_t>(time_us); }
 
+constexpr CellRect kAllCells = {kMinCellNumber, kMinCellNumber, kMaxCellNumber - kMinCellNumber,
+                                kMaxCellNumber - kMinCellNumber};
+
 // As few acknowledgements as cover `sequences` (sorted, newest first): the next one, and what of
 // `sequences` is left.
-Acknowledgement next_acknowledgement(std::uint32_t epoch, std::vector<std::uint32_t>& sequences) {
-  Acknowledgement message{epoch, sequences.front(), 0};
+Acknowledgement next_acknowledgement(std::vector<std::uint32_t>& sequences) {
+  Acknowledgement message{sequences.front(), 0};
   std::erase_if(sequences, [&](std::uint32_t sequence) {
     const std::uint32_t age = message.newest - sequence;
     if (age >= 1 && age <= 64) message.earlier |= 1ull << (age - 1);
@@ -29,6 +33,7 @@ Acknowledgement next_acknowledgement(std::uint32_t epoch, std::vector<std::uint3
 MapServer::MapServer(RunDatabase& database, DatagramSender& sender, std::uint32_t epoch,
                      const MapServerConfig& config)
     : database_(database), sender_(sender), epoch_(epoch), config_(config) {
+  if (config_.boot == 0) config_.boot = epoch;
   load();
 }
 
@@ -40,6 +45,7 @@ void MapServer::load() {
   for (RobotRecord& record : database_.load_robots()) {
     Robot& robot = robots_[record.robot];
     robot.downlink = Downlink(config_.downlink);
+    robot.seal = config_.seals->of(record.robot);
     robot.logged_traffic = record.traffic;
     robot.record = std::move(record);
     if (finder_ && *finder_ != robot.record.robot) set_command(robot, CommandCode::kFound);
@@ -51,84 +57,124 @@ void MapServer::load() {
 
 // --- Receiving ---------------------------------------------------------------------------------
 
-void MapServer::receive(const PeerAddress& from, std::span<const std::uint8_t> datagram,
-                        TimeUs now_us) {
-  const std::uint64_t bytes = datagram.size() + kUdpIpOverheadBytes;
+void MapServer::receive(const PeerAddress& from, std::span<std::uint8_t> datagram, TimeUs now_us) {
   ++counters_.traffic.datagrams_in;
-  counters_.traffic.bytes_in += bytes;
-  const auto opened = open_datagram(datagram);
-  if (!opened.ok()) {
+  counters_.traffic.bytes_in += datagram.size() + kUdpIpOverheadBytes;
+  const auto id = peek_robot(datagram);
+  if (!id.ok()) {
     ++counters_.dropped_malformed;
     return;
   }
-  if (is_from_server(opened->header.kind)) {
-    ++counters_.dropped_misdirected;
+  const DatagramSeal* seal = config_.seals->of(*id);
+  if (seal == nullptr) {
+    ++counters_.dropped_unknown;
     return;
   }
-  Robot* const robot = robot_for(opened->header, from, now_us);
-  if (robot == nullptr) return;
-  ++robot->record.traffic.datagrams_in;
-  robot->record.traffic.bytes_in += bytes;
-  const std::uint32_t sequence = opened->header.sequence;
-  switch (opened->header.kind) {
-    case MessageKind::kMapUpdate: handle_map_update(*robot, sequence, opened->body, now_us); break;
-    case MessageKind::kAcknowledgement: handle_acknowledgement(*robot, opened->body, now_us); break;
-    case MessageKind::kHello: handle_hello(*robot, sequence, opened->body, now_us); break;
-    case MessageKind::kStatus: handle_status(*robot, opened->body, now_us); break;
-    case MessageKind::kFound: handle_found(*robot, sequence, opened->body, now_us); break;
-    case MessageKind::kServerMapUpdate:
-    case MessageKind::kServerAcknowledgement:
-    case MessageKind::kCommand: break;
+  const auto opened = open_datagram(datagram, *seal, {false, config_.boot});
+  if (!opened.ok()) {
+    const bool refused = opened.status() == Status::kRefused;
+    ++(refused ? counters_.dropped_refused : counters_.dropped_malformed);
+    return;
   }
+  Robot* const robot = find_or_add(*id, now_us);
+  if (robot == nullptr) return;
+  if (!opened->bound) {
+    answer_hello(*robot, from, *opened);
+    return;
+  }
+  if (!is_present_start(*robot, opened->header, now_us)) return;
+  robot->address = from;
+  robot->last_heard_us = now_us;
+  robot->record.last_seen_us = to_sql(now_us);
+  robot->heard = true;
+  unsaved_robots_.insert(*id);
+  count_in(*robot, datagram.size());
+  take(*robot, *opened, now_us);
 }
 
-// The robot that sent the datagram, known or new; null when the datagram is not to be taken.
-MapServer::Robot* MapServer::robot_for(const DatagramHeader& header, const PeerAddress& from,
-                                       TimeUs now_us) {
-  auto it = robots_.find(header.robot);
-  if (it == robots_.end()) {
-    if (robots_.size() >= config_.max_robots) {
-      ++counters_.dropped_full;
-      return nullptr;
-    }
-    it = robots_.try_emplace(header.robot).first;
-    it->second.record.robot = header.robot;
-    it->second.record.first_seen_us = to_sql(now_us);
-    it->second.downlink = Downlink(config_.downlink);
-    if (finder_) set_command(it->second, CommandCode::kFound);
-  }
-  Robot& robot = it->second;
-  if (header.epoch < robot.record.epoch) {
-    ++counters_.dropped_stale;
+// Null when there are too many.
+MapServer::Robot* MapServer::find_or_add(std::uint16_t id, TimeUs now_us) {
+  const auto it = robots_.find(id);
+  if (it != robots_.end()) return &it->second;
+  if (robots_.size() >= config_.max_robots) {
+    ++counters_.dropped_full;
     return nullptr;
   }
-  if (header.epoch > robot.record.epoch) start_epoch(robot, header.epoch, now_us);
-  if (!robot.heard) meet(robot);
-  robot.address = from;
-  robot.last_heard_us = now_us;
-  robot.record.last_seen_us = to_sql(now_us);
-  unsaved_robots_.insert(header.robot);
+  Robot& robot = robots_[id];
+  robot.record.robot = id;
+  robot.record.first_seen_us = to_sql(now_us);
+  robot.seal = config_.seals->of(id);
+  robot.downlink = Downlink(config_.downlink);
+  if (finder_) set_command(robot, CommandCode::kFound);
   return &robot;
 }
 
-// A robot that has started (again) knows nothing of the others and obeys no earlier command.
-void MapServer::start_epoch(Robot& robot, std::uint32_t epoch, TimeUs now_us) {
-  robot.record.epoch = epoch;
-  robot.to_acknowledge.clear();
-  robot.heard = false;
-  robot.command_pending = robot.command.has_value() && robot.command->code == CommandCode::kFound;
-  rows_.emplace_back(
-      [time = to_sql(now_us), id = robot.record.robot, epoch](RunDatabase& database) {
-        database.add_event(time, id, "started", "epoch " + std::to_string(epoch));
-      });
+void MapServer::count_in(Robot& robot, std::size_t size) {
+  ++robot.record.traffic.datagrams_in;
+  robot.record.traffic.bytes_in += size + kUdpIpOverheadBytes;
 }
 
-// First contact since one of both has started: everything of the others is news.
-void MapServer::meet(Robot& robot) {
-  robot.heard = true;
+// A hello from a robot that does not know this server's boot may be old: it is answered, and
+// changes nothing. Whoever can open the answer is that robot, now.
+void MapServer::answer_hello(Robot& robot, const PeerAddress& from, const OpenedDatagram& opened) {
+  const DatagramHeader& header = opened.header;
+  const auto hello = decode_hello(opened.body);
+  if (header.kind != MessageKind::kHello || !hello.ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  if (header.boot == robot.boot && !robot.window.take(header.sequence)) {
+    ++counters_.dropped_replayed;
+    return;
+  }
+  count_in(robot, kDatagramHeaderBytes + opened.body.size() + robot.seal->trailer_bytes());
+  const std::uint32_t known = robot.record.epoch;
+  const bool is_other_start = robot.boot != 0 && robot.boot != header.boot;
+  Welcome welcome;
+  welcome.knows_epoch = hello->resuming && header.epoch == known && !is_other_start;
+  welcome.epoch = welcome.knows_epoch ? known : std::max(header.epoch, known + 1);
+  welcome.has_cells = map_.robot_tiles(robot.record.robot) != nullptr;
+  send_to(robot, from, header.boot, MessageKind::kWelcome, *encode(welcome, body_of(out_)));
+}
+
+// Whether a datagram comes from the start of the robot that is the present one, for the first time.
+bool MapServer::is_present_start(Robot& robot, const DatagramHeader& header, TimeUs now_us) {
+  const bool is_known = robot.boot == 0 || robot.boot == header.boot;
+  if (header.epoch < robot.record.epoch || (header.epoch == robot.record.epoch && !is_known)) {
+    ++counters_.dropped_stale;
+    return false;
+  }
+  if (header.epoch > robot.record.epoch) start_epoch(robot, header, now_us);
+  robot.boot = header.boot;
+  if (robot.window.take(header.sequence)) return true;
+  ++counters_.dropped_replayed;
+  return false;
+}
+
+// A robot that has started (again) knows nothing of the others and obeys no earlier command.
+void MapServer::start_epoch(Robot& robot, const DatagramHeader& header, TimeUs now_us) {
+  robot.record.epoch = header.epoch;
+  robot.window = {};
+  robot.hello = 0;
   robot.downlink = Downlink(config_.downlink);
-  for (const TileKey& key : map_.tiles_of_others(robot.record.robot)) {
-    robot.downlink.mark(key, key.cells());
+  robot.to_acknowledge.clear();
+  robot.command_pending = robot.command.has_value() && robot.command->code == CommandCode::kFound;
+  rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot,
+                      epoch = header.epoch](RunDatabase& database) {
+    database.add_event(time, id, "started", "epoch " + std::to_string(epoch));
+  });
+}
+
+void MapServer::take(Robot& robot, const OpenedDatagram& opened, TimeUs now_us) {
+  const std::uint32_t sequence = opened.header.sequence;
+  switch (opened.header.kind) {
+    case MessageKind::kMapUpdate: handle_map_update(robot, sequence, opened.body, now_us); break;
+    case MessageKind::kAcknowledgement: handle_acknowledgement(robot, opened.body, now_us); break;
+    case MessageKind::kHello: handle_hello(robot, sequence, opened.body, now_us); break;
+    case MessageKind::kStatus: handle_status(robot, opened.body, now_us); break;
+    case MessageKind::kFound: handle_found(robot, sequence, opened.body, now_us); break;
+    case MessageKind::kRestoreRequest: handle_restore_request(robot, opened.body, now_us); break;
+    default: break;  // open_datagram() lets only a robot's kinds through
   }
 }
 
@@ -211,10 +257,6 @@ void MapServer::handle_acknowledgement(Robot& robot, std::span<const std::uint8_
     ++counters_.dropped_malformed;
     return;
   }
-  if (message->epoch != epoch_) {
-    ++counters_.dropped_stale;
-    return;
-  }
   robot.downlink.acknowledge(*message, now_us);
   if (robot.command_sequence != 0 && message->covers(robot.command_sequence)) {
     robot.command_pending = false;
@@ -235,8 +277,67 @@ void MapServer::handle_hello(Robot& robot, std::uint32_t sequence,
     });
     return;
   }
-  robot.record.name = std::string(hello->name());
   robot.to_acknowledge.push_back(sequence);
+  if (sequence < robot.hello) return;
+  robot.record.name = std::string(hello->name());
+  set_window(robot, hello->window.empty() ? kAllCells : hello->window);
+  robot.hello = sequence;
+}
+
+// What the others saw in the part of the window that is new to the robot is news.
+void MapServer::set_window(Robot& robot, const CellRect& window) {
+  const CellRect before = robot.downlink.window();
+  robot.downlink.set_window(window);
+  for (const TileKey& key : map_.tiles_of_others(robot.record.robot, window)) {
+    const CellRect part = key.cells().intersection(window);
+    if (!before.contains(part)) robot.downlink.mark(key, part);
+  }
+}
+
+// Answers with what is durable only: the robot builds upon it.
+void MapServer::handle_restore_request(Robot& robot, std::span<const std::uint8_t> body,
+                                       TimeUs now_us) {
+  auto request = decode_restore_request(body);
+  if (!request.ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  if (request->window.empty()) request.value().window = kAllCells;
+  if (!unsaved_tiles_.empty()) commit(now_us);
+  const auto update = body_of(out_).subspan(kRestoreHeaderBytes);
+  MapUpdateWriter writer(update, cell_um_.value_or(1), {});
+  const RestoreHeader header{request->from, write_own_cells(robot, *request, writer)};
+  static_cast<void>(encode(header, body_of(out_)));
+  send(robot, MessageKind::kRestore, kRestoreHeaderBytes + writer.size());
+}
+
+// Writes what fits; returns where to go on.
+RestoreCursor MapServer::write_own_cells(const Robot& robot, const RestoreRequest& request,
+                                         MapUpdateWriter& writer) {
+  constexpr RestoreCursor kDone{.layer = RestoreCursor::kEnd};
+  const auto* tiles = map_.robot_tiles(robot.record.robot);
+  if (tiles == nullptr || request.from.layer >= kLayerCount) return kDone;
+  const TileKey from{static_cast<Layer>(request.from.layer), request.from.tile_x,
+                     request.from.tile_y};
+  for (auto it = tiles->lower_bound(from); it != tiles->end(); ++it) {
+    const auto& [key, tile] = *it;
+    CellRect seen;
+    for (std::size_t i = 0; i < kTileCells; ++i) {
+      if (tile.cells[i] != 0) seen = seen.united(cell_of_tile_index(key, i));
+    }
+    const CellRect part = seen.intersection(request.window);
+    if (part.empty()) continue;
+    const auto cells = std::span(cells_).first(static_cast<std::size_t>(part.area()));
+    std::size_t next = 0;
+    for (std::int32_t y = part.y; y < part.top(); ++y) {
+      for (std::int32_t x = part.x; x < part.right(); ++x)
+        cells[next++] = tile.cells[tile_index({x, y})];
+    }
+    if (!ok(writer.add(key.layer, part, cells))) {
+      return {static_cast<std::uint8_t>(key.layer), key.x, key.y};
+    }
+  }
+  return kDone;
 }
 
 void MapServer::handle_status(Robot& robot, std::span<const std::uint8_t> body, TimeUs now_us) {
@@ -335,7 +436,7 @@ void MapServer::log_traffic_and_progress(TimeUs now_us) {
   last_log_us_ = now_us;
   const std::int64_t time = to_sql(now_us);
   for (auto& [id, robot] : robots_) {
-    if (robot.logged_traffic == robot.record.traffic) continue;
+    if (!robot.heard || robot.logged_traffic == robot.record.traffic) continue;
     robot.logged_traffic = robot.record.traffic;
     rows_.emplace_back([time, id = id, traffic = robot.record.traffic](RunDatabase& database) {
       database.add_traffic(time, id, traffic);
@@ -363,7 +464,7 @@ void MapServer::acknowledge_committed(Robot& robot) {
   counters_.made_durable += sequences.size();
   std::sort(sequences.begin(), sequences.end(), std::greater<>());
   while (!sequences.empty()) {
-    const Acknowledgement message = next_acknowledgement(robot.record.epoch, sequences);
+    const Acknowledgement message = next_acknowledgement(sequences);
     send(robot, MessageKind::kServerAcknowledgement, *encode(message, body_of(out_)));
   }
 }
@@ -371,7 +472,7 @@ void MapServer::acknowledge_committed(Robot& robot) {
 void MapServer::tell_others() {
   for (const auto& [from, change] : uncommitted_changes_) {
     for (auto& [id, robot] : robots_) {
-      if (id != from && robot.heard) robot.downlink.mark(change.key, change.changed);
+      if (id != from) robot.downlink.mark(change.key, change.changed);
     }
   }
   uncommitted_changes_.clear();
@@ -427,9 +528,16 @@ void MapServer::send_command_if_due(Robot& robot, TimeUs now_us) {
 }
 
 std::uint32_t MapServer::send(Robot& robot, MessageKind kind, std::size_t body_size) {
-  const DatagramHeader header{robot.record.robot, epoch_, robot.next_sequence++, kind};
-  const std::size_t size = *seal_datagram(header, body_size, out_);
-  sender_.send(robot.address, std::span(out_).first(size));
+  return send_to(robot, robot.address, robot.boot, kind, body_size);
+}
+
+std::uint32_t MapServer::send_to(Robot& robot, const PeerAddress& to, std::uint64_t receiver_boot,
+                                 MessageKind kind, std::size_t body_size) {
+  if (robot.next_sequence == std::numeric_limits<std::uint32_t>::max()) return 0;
+  const DatagramHeader header{robot.record.robot, epoch_, robot.next_sequence++, config_.boot,
+                              kind};
+  const std::size_t size = *seal_datagram(header, body_size, out_, *robot.seal, receiver_boot);
+  sender_.send(to, std::span(out_).first(size));
   const std::uint64_t bytes = size + kUdpIpOverheadBytes;
   for (TrafficCounters* traffic : {&counters_.traffic, &robot.record.traffic}) {
     ++traffic->datagrams_out;
@@ -441,6 +549,7 @@ std::uint32_t MapServer::send(Robot& robot, MessageKind kind, std::size_t body_s
 std::vector<RobotView> MapServer::robots() const {
   std::vector<RobotView> views;
   for (const auto& [id, robot] : robots_) {
+    if (robot.record.epoch == 0) continue;  // has only asked who is there
     views.push_back({id, robot.record.name, robot.record.last_seen_us, robot.record.traffic,
                      robot.pose, robot.goal, robot.status});
   }
@@ -450,7 +559,8 @@ std::vector<RobotView> MapServer::robots() const {
 bool MapServer::all_delivered() const {
   return uncommitted_changes_.empty() &&
          std::all_of(robots_.begin(), robots_.end(), [](const auto& entry) {
-           return !entry.second.heard || entry.second.downlink.idle();
+           const Robot& robot = entry.second;
+           return !robot.heard || (robot.hello != 0 && robot.downlink.idle());
          });
 }
 

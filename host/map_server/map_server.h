@@ -21,10 +21,30 @@
 #include "shared/wire/datagram.h"
 #include "shared/wire/map_update.h"
 #include "shared/wire/messages.h"
+#include "shared/wire/replay_window.h"
 
 namespace ivfm::host {
 
+// The robots that are allowed to speak, each with its seal.
+class RobotSeals {
+ public:
+  // Null: no such robot. The seal lives as long as this object.
+  virtual const DatagramSeal* of(std::uint16_t robot) const = 0;
+
+ protected:
+  ~RobotSeals() = default;
+};
+
+// Any robot, without protection.
+class PlainSeals final : public RobotSeals {
+ public:
+  const DatagramSeal* of(std::uint16_t) const override { return &kPlainSeal; }
+};
+inline constexpr PlainSeals kPlainSeals;
+
 struct MapServerConfig {
+  std::uint64_t boot = 0;  // a random number drawn at this start; 0: the epoch is taken
+  const RobotSeals* seals = &kPlainSeals;
   TimeUs commit_period_us = 100000;  // what arrived in this time is one transaction
   TimeUs log_period_us = 1000000;    // of the rows of traffic and progress
   DownlinkConfig downlink;
@@ -37,13 +57,15 @@ struct MapServerCounters {
   TrafficCounters traffic;         // of all robots, and of what was dropped
   std::uint64_t made_durable = 0;  // messages acknowledged, each repetition counted
   std::uint64_t dropped_malformed = 0;
-  std::uint64_t dropped_misdirected = 0;  // not from a robot
-  std::uint64_t dropped_stale = 0;        // from before the robot's last start
-  std::uint64_t dropped_cell_size = 0;    // cells of another size than the run's
-  std::uint64_t dropped_full = 0;         // more robots or tiles than the limits
+  std::uint64_t dropped_unknown = 0;    // of a robot without a key
+  std::uint64_t dropped_refused = 0;    // not sealed by the robot, or for an earlier server
+  std::uint64_t dropped_replayed = 0;   // taken already
+  std::uint64_t dropped_stale = 0;      // from before the robot's last start
+  std::uint64_t dropped_cell_size = 0;  // cells of another size than the run's
+  std::uint64_t dropped_full = 0;       // more robots or tiles than the limits
   std::uint64_t dropped() const {
-    return dropped_malformed + dropped_misdirected + dropped_stale + dropped_cell_size +
-           dropped_full;
+    return dropped_malformed + dropped_unknown + dropped_refused + dropped_replayed +
+           dropped_stale + dropped_cell_size + dropped_full;
   }
 };
 
@@ -78,8 +100,9 @@ class MapServer {
   MapServer(const MapServer&) = delete;
   MapServer& operator=(const MapServer&) = delete;
 
-  // Takes one datagram. Times are microseconds since the run began and never go back.
-  void receive(const PeerAddress& from, std::span<const std::uint8_t> datagram, TimeUs now_us);
+  // Takes one datagram; opens it in place. Times are microseconds since the run began and never go
+  // back.
+  void receive(const PeerAddress& from, std::span<std::uint8_t> datagram, TimeUs now_us);
   // Commits, acknowledges and sends what is due.
   void step(TimeUs now_us);
   // The last commit before the server ends; acknowledges what it holds.
@@ -91,6 +114,8 @@ class MapServer {
 
   const MapStore& map() const { return map_; }
   std::optional<std::int32_t> cell_um() const { return cell_um_; }
+  // What robots know this start of the server by.
+  std::uint64_t boot() const { return config_.boot; }
   std::size_t robot_count() const { return robots_.size(); }
   const MapServerCounters& counters() const { return counters_; }
   std::vector<RobotView> robots() const;
@@ -104,8 +129,12 @@ class MapServer {
     RobotRecord record;
     PeerAddress address;
     TimeUs last_heard_us = 0;
-    bool heard = false;  // since this server started
-    Cell cell;           // where it is
+    bool heard = false;       // since this server started
+    std::uint64_t boot = 0;   // of its present start; 0: not heard yet
+    ReplayWindow window;      // of its present epoch
+    std::uint32_t hello = 0;  // the newest taken; 0: none, so its map's window is not known
+    const DatagramSeal* seal = nullptr;
+    Cell cell;  // where it is
     std::optional<Pose> pose;
     std::optional<Cell> goal;
     std::optional<RobotStatus> status;
@@ -121,9 +150,13 @@ class MapServer {
   using Row = std::function<void(RunDatabase&)>;
 
   void load();
-  Robot* robot_for(const DatagramHeader& header, const PeerAddress& from, TimeUs now_us);
-  void start_epoch(Robot& robot, std::uint32_t epoch, TimeUs now_us);
-  void meet(Robot& robot);
+  Robot* find_or_add(std::uint16_t id, TimeUs now_us);
+  void count_in(Robot& robot, std::size_t size);
+  bool is_present_start(Robot& robot, const DatagramHeader& header, TimeUs now_us);
+  void start_epoch(Robot& robot, const DatagramHeader& header, TimeUs now_us);
+  void answer_hello(Robot& robot, const PeerAddress& from, const OpenedDatagram& opened);
+  void take(Robot& robot, const OpenedDatagram& opened, TimeUs now_us);
+  void set_window(Robot& robot, const CellRect& window);
   void handle_map_update(Robot& robot, std::uint32_t sequence, std::span<const std::uint8_t> body,
                          TimeUs now_us);
   bool accept_cell_size(std::int32_t cell_um);
@@ -133,6 +166,9 @@ class MapServer {
   void handle_acknowledgement(Robot& robot, std::span<const std::uint8_t> body, TimeUs now_us);
   void handle_hello(Robot& robot, std::uint32_t sequence, std::span<const std::uint8_t> body,
                     TimeUs now_us);
+  void handle_restore_request(Robot& robot, std::span<const std::uint8_t> body, TimeUs now_us);
+  RestoreCursor write_own_cells(const Robot& robot, const RestoreRequest& request,
+                                MapUpdateWriter& writer);
   void handle_status(Robot& robot, std::span<const std::uint8_t> body, TimeUs now_us);
   void handle_found(Robot& robot, std::uint32_t sequence, std::span<const std::uint8_t> body,
                     TimeUs now_us);
@@ -148,6 +184,8 @@ class MapServer {
   void send_command_if_due(Robot& robot, TimeUs now_us);
   void set_command(Robot& robot, CommandCode code);
   std::uint32_t send(Robot& robot, MessageKind kind, std::size_t body_size);
+  std::uint32_t send_to(Robot& robot, const PeerAddress& to, std::uint64_t receiver_boot,
+                        MessageKind kind, std::size_t body_size);
 
   RunDatabase& database_;
   DatagramSender& sender_;

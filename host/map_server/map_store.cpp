@@ -17,6 +17,7 @@ RobotTile& MapStore::tile_for(std::uint16_t robot, const TileKey& key) {
   const auto [it, inserted] = robots_[robot].try_emplace(key);
   if (inserted) {
     ++tile_count_;
+    ++sums_[key].robots;
     if (key.layer == Layer::kObstacles) {
       it->second.sequences = std::make_unique<std::array<std::uint32_t, kTileCells>>();
     }
@@ -126,15 +127,27 @@ std::set<TileKey> MapStore::tiles() const {
   return keys;
 }
 
-std::vector<TileKey> MapStore::tiles_of_others(std::uint16_t robot) const {
+std::vector<TileKey> MapStore::tiles_of_others(std::uint16_t robot, const CellRect& window) const {
   std::vector<TileKey> keys;
-  for (const auto& [other, tiles] : robots_) {
-    if (other == robot) continue;
-    for (const auto& entry : tiles) keys.push_back(entry.first);
+  for (auto it = sums_.begin(); it != sums_.end();) {
+    const TileKey& key = it->first;
+    const CellRect tile = key.cells();
+    if (tile.right() <= window.x) {  // on to the window's first column in this row of tiles
+      it = sums_.lower_bound({key.layer, window.x >> 5, key.y});
+    } else if (tile.x >= window.right()) {
+      it = sums_.lower_bound({key.layer, window.x >> 5, key.y + 1});
+    } else {
+      const std::uint32_t own = robot_tile(robot, key) != nullptr ? 1 : 0;
+      if (!tile.intersection(window).empty() && it->second.robots > own) keys.push_back(key);
+      ++it;
+    }
   }
-  std::sort(keys.begin(), keys.end());
-  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
   return keys;
+}
+
+const std::map<TileKey, RobotTile>* MapStore::robot_tiles(std::uint16_t robot) const {
+  const auto tiles = robots_.find(robot);
+  return tiles == robots_.end() ? nullptr : &tiles->second;
 }
 
 std::size_t MapStore::missing_tiles(std::uint16_t robot, Layer layer, const CellRect& rect) const {

@@ -71,8 +71,10 @@ class MapStore {
 
   // Null when the robot said nothing about the tile.
   const RobotTile* robot_tile(std::uint16_t robot, const TileKey& key) const;
-  // Tiles about which a robot other than `robot` said something.
-  std::vector<TileKey> tiles_of_others(std::uint16_t robot) const;
+  // Tiles that touch `window` about which a robot other than `robot` said something.
+  std::vector<TileKey> tiles_of_others(std::uint16_t robot, const CellRect& window) const;
+  // All tiles of a robot, in order; null when it said nothing.
+  const std::map<TileKey, RobotTile>* robot_tiles(std::uint16_t robot) const;
   // How many new tiles `rect` would need for this robot.
   std::size_t missing_tiles(std::uint16_t robot, Layer layer, const CellRect& rect) const;
 
@@ -81,7 +83,9 @@ class MapStore {
   std::uint64_t obstacle_cells() const { return nonzero_[1]; }
 
  private:
-  using Sums = std::array<std::uint32_t, kTileCells>;
+  struct Sums : std::array<std::uint32_t, kTileCells> {
+    std::uint32_t robots = 0;  // that said something about the tile
+  };
   using RobotTiles = std::map<TileKey, RobotTile>;
 
   RobotTile& tile_for(std::uint16_t robot, const TileKey& key);
@@ -111,6 +115,12 @@ void for_each_tile(Layer layer, const CellRect& rect, Visit visit) {
 constexpr std::size_t tile_index(Cell cell) {
   return static_cast<std::size_t>(cell.y & (kTileSide - 1)) * kTileSide +
          static_cast<std::size_t>(cell.x & (kTileSide - 1));
+}
+
+// The cell with that index.
+constexpr Cell cell_of_tile_index(const TileKey& key, std::size_t index) {
+  const auto i = static_cast<std::int32_t>(index);
+  return {key.x * kTileSide + i % kTileSide, key.y * kTileSide + i / kTileSide};
 }
 
 }  // namespace ivfm::host

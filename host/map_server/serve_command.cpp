@@ -12,9 +12,11 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "firmware/hal/linux/random_boot.h"
 #include "host/cli/progress_line.h"
 #include "host/dashboard/live_page.h"
 #include "host/dashboard/live_state.h"
+#include "host/map_server/key_ring.h"
 #include "host/map_server/map_server.h"
 #include "host/map_server/run_database.h"
 #include "host/map_server/server_metrics.h"
@@ -115,12 +117,21 @@ class LiveView {
 }  // namespace
 
 void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostream& out) {
+  std::optional<KeyRing> keys;
+  if (!options.keys.empty()) keys.emplace(read_radio_keys(options.keys));
   UdpListener listener(options.listen);
+  if (!keys && !listener.is_loopback()) {
+    throw std::runtime_error("--listen " + options.listen +
+                             " is open to other machines, so it needs --keys FILE; "
+                             "ivfm keygen writes one");
+  }
   RunDatabase database(options.database);
   const std::uint32_t epoch = database.begin_session(unix_time_us(), options.time_scale);
   const RunClock clock(database.last_time_us(), options.time_scale);
   MapServerConfig config;
   config.retention_us = static_cast<TimeUs>(options.retention_s * 1e6);
+  config.boot = draw_boot();
+  if (keys) config.seals = &*keys;
   MapServer server(database, listener, epoch, config);
   out << "listening on " << listener.text() << ", writing " << options.database << std::endl;
   std::optional<LiveView> view;
@@ -163,10 +174,14 @@ void add_serve_command(CLI::App& app, CommandAction& action) {
       ->transform(CLI::AsNumberWithUnit(
           std::map<std::string, double>{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}}))
       ->check(CLI::PositiveNumber);
+  command->add_option("--keys", options->keys,
+                      "file with the robots' radio keys (ivfm keygen); without it robots are heard "
+                      "on this machine only");
   command->add_option("--time-scale", options->time_scale, "times faster than the wall clock")
       ->check(CLI::Range(0.01, 1000.0))
       ->capture_default_str();
-  command->footer("Example: ivfm serve --listen 0.0.0.0:7700 --db run.db --http 8080");
+  command->footer(
+      "Example: ivfm serve --listen 0.0.0.0:7700 --keys keys/server.keys --db run.db --http 8080");
   command->callback([options, &action] {
     action = [options] {
       std::signal(SIGINT, request_stop);

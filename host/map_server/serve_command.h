@@ -15,6 +15,7 @@ struct ServeOptions {
   std::string http;         // of the live page; empty: none
   double retention_s = 0;   // of the log in the database; 0: for ever
   double time_scale = 1.0;  // how many seconds pass for the server in one second
+  std::string keys;         // file with the robots' keys; empty: no encryption, loopback only
 };
 
 // Serves until `stop` becomes true. Says on `out` where it listens, then at the end what it holds.

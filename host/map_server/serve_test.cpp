@@ -94,6 +94,9 @@ struct UniformMap final : SharedMap {
     if (layer == Layer::kVisits) peers = cells[0];
     return Status::kOk;
   }
+  Status restore_own(Layer, const CellRect&, std::span<const std::uint8_t>) override {
+    return Status::kOk;
+  }
 };
 
 // Steps a link on the real clock until `done`, ten seconds at most.

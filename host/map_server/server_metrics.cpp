@@ -55,7 +55,9 @@ void add_traffic(MetricsText& out, const MapServerCounters& counters) {
   out.metric("ivfm_radio_dropped_total", "counter", "Datagrams that were not taken, and why.",
              "reason",
              {{"malformed", counters.dropped_malformed},
-              {"misdirected", counters.dropped_misdirected},
+              {"unknown", counters.dropped_unknown},
+              {"refused", counters.dropped_refused},
+              {"replayed", counters.dropped_replayed},
               {"stale", counters.dropped_stale},
               {"cell_size", counters.dropped_cell_size},
               {"full", counters.dropped_full}});

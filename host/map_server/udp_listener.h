@@ -24,6 +24,8 @@ class UdpListener final : public DatagramSender {
   // The address in use, with the real port.
   std::string text() const { return local_.text(); }
   int fd() const { return fd_; }  // to wait on with poll()
+  // Whether only programs of this machine reach it.
+  bool is_loopback() const { return local_.is_loopback(); }
   // Waits up to `timeout_ms` for a datagram.
   void wait(int timeout_ms);
   // The next datagram's size and sender; nothing when none is waiting. A longer one is cut to

@@ -41,7 +41,8 @@ Bytes example(const std::string& name) {
   return bytes;
 }
 
-constexpr DatagramHeader kHeader{7, 0x5f3c2a10, 258, MessageKind::kMapUpdate};
+constexpr std::uint64_t kRobotBoot = 0x0807060504030201, kServerBoot = 0x1817161514131211;
+constexpr DatagramHeader kHeader{7, 0x5f3c2a10, 258, kRobotBoot, MessageKind::kMapUpdate};
 const Bytes kVisits = {0, 1, 1, 0, 0, 1, 2, 1, 0, 1, 1, 0};
 
 Bytes wall() {
@@ -51,8 +52,8 @@ Bytes wall() {
 }
 
 TEST(FormatDocument, TheMapUpdateDecodesToWhatItsTextSays) {
-  const Bytes datagram = example("map-update");
-  const auto opened = open_datagram(datagram);
+  Bytes datagram = example("map-update");
+  const auto opened = open_datagram(datagram, kPlainSeal, {false, kServerBoot});
   ASSERT_TRUE(opened.ok()) << to_string(opened.status());
   EXPECT_EQ(opened->header, kHeader);
   std::array<std::uint8_t, kMaxBlockCells> buffer;
@@ -82,21 +83,21 @@ TEST(FormatDocument, TheMapUpdateEncodesToTheSameBytes) {
   MapUpdateWriter writer(body_of(buffer), 50000, pack_pose(pose));
   ASSERT_EQ(writer.add(Layer::kVisits, {-3, 5, 4, 3}, kVisits), Status::kOk);
   ASSERT_EQ(writer.add(Layer::kObstacles, {10, -1, 24, 1}, wall()), Status::kOk);
-  const auto size = seal_datagram(kHeader, writer.size(), buffer);
+  const auto size = seal_datagram(kHeader, writer.size(), buffer, kPlainSeal, kServerBoot);
   ASSERT_TRUE(size.ok());
   EXPECT_EQ(Bytes(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(*size)),
             example("map-update"));
 }
 
 TEST(FormatDocument, TheAcknowledgementDecodesToWhatItsTextSays) {
-  const Bytes datagram = example("acknowledgement");
-  const auto opened = open_datagram(datagram);
+  Bytes datagram = example("acknowledgement");
+  const auto opened = open_datagram(datagram, kPlainSeal, {true, kRobotBoot});
   ASSERT_TRUE(opened.ok()) << to_string(opened.status());
   EXPECT_EQ(opened->header,
-            (DatagramHeader{7, 0x5f3c0001, 40, MessageKind::kServerAcknowledgement}));
+            (DatagramHeader{7, 0x5f3c0001, 40, kServerBoot, MessageKind::kServerAcknowledgement}));
   const auto ack = decode_acknowledgement(opened->body);
   ASSERT_TRUE(ack.ok());
-  EXPECT_EQ(*ack, (Acknowledgement{0x5f3c2a10, 258, 0b101}));
+  EXPECT_EQ(*ack, (Acknowledgement{258, 0b101}));
   EXPECT_TRUE(ack->covers(258));
   EXPECT_TRUE(ack->covers(257));
   EXPECT_FALSE(ack->covers(256));

@@ -22,6 +22,36 @@ PackedPose read_pose(ByteReader& reader) {
   return pose;
 }
 
+void write_window(ByteWriter& writer, const CellRect& window) {
+  writer.i24(window.x);
+  writer.i24(window.y);
+  writer.u16(static_cast<std::uint16_t>(window.width));
+  writer.u16(static_cast<std::uint16_t>(window.height));
+}
+
+CellRect read_window(ByteReader& reader) {
+  CellRect window;
+  window.x = reader.i24();
+  window.y = reader.i24();
+  window.width = reader.u16();
+  window.height = reader.u16();
+  return window;
+}
+
+void write_cursor(ByteWriter& writer, const RestoreCursor& cursor) {
+  writer.u8(cursor.layer);
+  writer.i24(cursor.tile_y);
+  writer.i24(cursor.tile_x);
+}
+
+RestoreCursor read_cursor(ByteReader& reader) {
+  RestoreCursor cursor;
+  cursor.layer = reader.u8();
+  cursor.tile_y = reader.i24();
+  cursor.tile_x = reader.i24();
+  return cursor;
+}
+
 Result<std::size_t> finished(const ByteWriter& writer) {
   if (!writer.ok()) return Status::kFull;
   return writer.size();
@@ -35,21 +65,27 @@ Status ending(const ByteReader& reader) {
 
 }  // namespace
 
+// The bitmap without its highest zero bytes.
 Result<std::size_t> encode(const Acknowledgement& message, std::span<std::uint8_t> out) {
   ByteWriter writer(out);
-  writer.u32(message.epoch);
   writer.u32(message.newest);
-  writer.u64(message.earlier);
+  for (std::uint64_t rest = message.earlier; rest != 0; rest >>= 8) {
+    writer.u8(static_cast<std::uint8_t>(rest));
+  }
   return finished(writer);
 }
 
 Result<Acknowledgement> decode_acknowledgement(std::span<const std::uint8_t> body) {
   ByteReader reader(body);
   Acknowledgement message;
-  message.epoch = reader.u32();
   message.newest = reader.u32();
-  message.earlier = reader.u64();
+  std::uint8_t byte = 1;
+  for (unsigned shift = 0; shift < 64 && reader.remaining() > 0; shift += 8) {
+    byte = reader.u8();
+    message.earlier |= static_cast<std::uint64_t>(byte) << shift;
+  }
   if (const Status status = ending(reader); !ok(status)) return status;
+  if (byte == 0) return Status::kCorrupt;
   return message;
 }
 
@@ -63,8 +99,8 @@ void Hello::set_name(std::string_view name) {
 Result<std::size_t> encode(const Hello& message, std::span<std::uint8_t> out) {
   ByteWriter writer(out);
   writer.u24(static_cast<std::uint32_t>(message.cell_um));
-  writer.u16(message.window_width);
-  writer.u16(message.window_height);
+  write_window(writer, message.window);
+  writer.u8(message.resuming ? 1 : 0);
   writer.u8(message.name_size);
   for (const char c : message.name()) writer.u8(static_cast<std::uint8_t>(c));
   return finished(writer);
@@ -74,16 +110,65 @@ Result<Hello> decode_hello(std::span<const std::uint8_t> body) {
   ByteReader reader(body);
   Hello message;
   message.cell_um = static_cast<std::int32_t>(reader.u24());
-  message.window_width = reader.u16();
-  message.window_height = reader.u16();
+  message.window = read_window(reader);
+  const std::uint8_t flags = reader.u8();
   const std::uint8_t name_size = reader.u8();
   const auto name = reader.bytes(name_size);
   if (const Status status = ending(reader); !ok(status)) return status;
-  if (name_size > Hello::kMaxName || message.cell_um == 0) return Status::kCorrupt;
+  if (name_size > Hello::kMaxName || message.cell_um == 0 || flags > 1) return Status::kCorrupt;
+  message.resuming = flags != 0;
   for (const std::uint8_t c : name) {
     if (!is_printable(static_cast<char>(c))) return Status::kCorrupt;
     message.name_storage[message.name_size++] = static_cast<char>(c);
   }
+  return message;
+}
+
+Result<std::size_t> encode(const Welcome& message, std::span<std::uint8_t> out) {
+  ByteWriter writer(out);
+  writer.u32(message.epoch);
+  writer.u8(static_cast<std::uint8_t>((message.knows_epoch ? 1 : 0) | (message.has_cells ? 2 : 0)));
+  return finished(writer);
+}
+
+Result<Welcome> decode_welcome(std::span<const std::uint8_t> body) {
+  ByteReader reader(body);
+  const std::uint32_t epoch = reader.u32();
+  const std::uint8_t flags = reader.u8();
+  if (const Status status = ending(reader); !ok(status)) return status;
+  if (flags > 3) return Status::kCorrupt;
+  return Welcome{epoch, (flags & 1) != 0, (flags & 2) != 0};
+}
+
+Result<std::size_t> encode(const RestoreRequest& message, std::span<std::uint8_t> out) {
+  ByteWriter writer(out);
+  write_window(writer, message.window);
+  write_cursor(writer, message.from);
+  return finished(writer);
+}
+
+Result<RestoreRequest> decode_restore_request(std::span<const std::uint8_t> body) {
+  ByteReader reader(body);
+  RestoreRequest message;
+  message.window = read_window(reader);
+  message.from = read_cursor(reader);
+  if (const Status status = ending(reader); !ok(status)) return status;
+  return message;
+}
+
+Result<std::size_t> encode(const RestoreHeader& message, std::span<std::uint8_t> out) {
+  ByteWriter writer(out);
+  write_cursor(writer, message.from);
+  write_cursor(writer, message.next);
+  return finished(writer);
+}
+
+Result<RestoreHeader> decode_restore_header(std::span<const std::uint8_t> body) {
+  ByteReader reader(body);
+  RestoreHeader message;
+  message.from = read_cursor(reader);
+  message.next = read_cursor(reader);
+  if (!reader.ok()) return Status::kTruncated;
   return message;
 }
 

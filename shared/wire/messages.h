@@ -1,4 +1,4 @@
-// The bodies of the small messages: acknowledgement, hello, status, found, command (FORMAT.md).
+// The bodies of the small messages (FORMAT.md).
 #pragma once
 
 #include <array>
@@ -19,7 +19,6 @@ namespace ivfm {
 // Which of the other side's datagrams have been taken over: `newest`, and newest - 1 - i for every
 // set bit i. Sent by the server once they are durable.
 struct Acknowledgement {
-  std::uint32_t epoch = 0;  // boot epoch of whoever sent the datagrams
   std::uint32_t newest = 0;
   std::uint64_t earlier = 0;
   constexpr bool operator==(const Acknowledgement&) const = default;
@@ -28,16 +27,16 @@ struct Acknowledgement {
     return age == 0 || (age <= 64 && ((earlier >> (age - 1)) & 1u) != 0);
   }
 };
-inline constexpr std::size_t kAcknowledgementBytes = 16;
 Result<std::size_t> encode(const Acknowledgement& message, std::span<std::uint8_t> out);
 Result<Acknowledgement> decode_acknowledgement(std::span<const std::uint8_t> body);
 
-// A robot introduces itself: at every start, until acknowledged.
+// A robot introduces itself: at every start, whenever its window moves, and when the server does
+// not answer any more; until acknowledged.
 struct Hello {
   static constexpr std::size_t kMaxName = 24;
-  std::int32_t cell_um = 0;        // side of its map's cells, 1 .. 2^24 - 1
-  std::uint16_t window_width = 0;  // cells of its map window
-  std::uint16_t window_height = 0;
+  std::int32_t cell_um = 0;  // side of its map's cells, 1 .. 2^24 - 1
+  CellRect window;           // of its map, at most 65,535 to a side; empty: all cells
+  bool resuming = false;     // since this start a server has welcomed it already, in this epoch
   std::array<char, kMaxName> name_storage{};  // printable ASCII
   std::uint8_t name_size = 0;
   std::string_view name() const { return {name_storage.data(), name_size}; }
@@ -46,6 +45,43 @@ struct Hello {
 };
 Result<std::size_t> encode(const Hello& message, std::span<std::uint8_t> out);
 Result<Hello> decode_hello(std::span<const std::uint8_t> body);
+
+// The server's answer to a hello: proves to the robot that it speaks with the server of now.
+struct Welcome {
+  std::uint32_t epoch = 0;   // what the robot's datagrams carry from now on
+  bool knows_epoch = false;  // the server has heard the robot in its present epoch
+  bool has_cells = false;    // the server holds cells of this robot
+  constexpr bool operator==(const Welcome&) const = default;
+};
+Result<std::size_t> encode(const Welcome& message, std::span<std::uint8_t> out);
+Result<Welcome> decode_welcome(std::span<const std::uint8_t> body);
+
+// A place in the order in which the server hands a robot its own cells back: by layer, row and
+// column of tiles of 32 x 32 cells.
+struct RestoreCursor {
+  static constexpr std::uint8_t kEnd = 255;
+  std::uint8_t layer = 0;  // kEnd: nothing is left
+  std::int32_t tile_x = -0x800000;
+  std::int32_t tile_y = -0x800000;
+  constexpr bool operator==(const RestoreCursor&) const = default;
+};
+// A robot that has started again asks for its own cells, from `from` on.
+struct RestoreRequest {
+  CellRect window;  // of its map, as in Hello
+  RestoreCursor from;
+  constexpr bool operator==(const RestoreRequest&) const = default;
+};
+Result<std::size_t> encode(const RestoreRequest& message, std::span<std::uint8_t> out);
+Result<RestoreRequest> decode_restore_request(std::span<const std::uint8_t> body);
+// What stands before the map update (map_update.h) with the cells from `from` to before `next`.
+struct RestoreHeader {
+  RestoreCursor from, next;
+  constexpr bool operator==(const RestoreHeader&) const = default;
+};
+inline constexpr std::size_t kRestoreHeaderBytes = 14;
+Result<std::size_t> encode(const RestoreHeader& message, std::span<std::uint8_t> out);
+// Reads the first kRestoreHeaderBytes of `body`; only kTruncated.
+Result<RestoreHeader> decode_restore_header(std::span<const std::uint8_t> body);
 
 // What a robot is doing, for people to look at; sent now and then, never acknowledged.
 struct RobotStatus {

@@ -32,47 +32,77 @@ void expect_exact_size(const Message& message, Decode decode) {
   EXPECT_EQ(decode(std::span<const std::uint8_t>(body)).status(), Status::kCorrupt);
 }
 
-TEST(Messages, AnAcknowledgementHasTheDocumentedBytes) {
-  const Acknowledgement ack{0x04030201, 0x08070605, 0x100f0e0d0c0b0a09};
-  EXPECT_EQ(encoded(ack), (Bytes{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16}));
-  EXPECT_EQ(*decode_acknowledgement(encoded(ack)), ack);
-  expect_exact_size(ack, decode_acknowledgement);
+TEST(Messages, AnAcknowledgementLeavesOutTheZerosAtItsEnd) {
+  const Acknowledgement full{0x04030201, 0x0c0b0a0908070605};
+  EXPECT_EQ(encoded(full), (Bytes{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}));
+  EXPECT_EQ(encoded(Acknowledgement{1, 0}), (Bytes{1, 0, 0, 0}));
+  EXPECT_EQ(encoded(Acknowledgement{1, 0x100}), (Bytes{1, 0, 0, 0, 0, 1}));
+  for (const Acknowledgement& ack : {full, Acknowledgement{1, 0}, Acknowledgement{1, 0x100}}) {
+    EXPECT_EQ(*decode_acknowledgement(encoded(ack)), ack);
+  }
+  EXPECT_EQ(decode_acknowledgement(Bytes{1, 0, 0}).status(), Status::kTruncated);
+  EXPECT_EQ(decode_acknowledgement(Bytes{1, 0, 0, 0, 0}).status(), Status::kCorrupt);
+  EXPECT_EQ(decode_acknowledgement(Bytes(13, 1)).status(), Status::kCorrupt);
 }
 
 TEST(Messages, AnAcknowledgementCoversItsNewestAndTheBitsBelow) {
-  const Acknowledgement ack{1, 100, (1u << 0) | (std::uint64_t{1} << 63)};
+  const Acknowledgement ack{100, (1u << 0) | (std::uint64_t{1} << 63)};
   EXPECT_TRUE(ack.covers(100));
   EXPECT_TRUE(ack.covers(99));
   EXPECT_FALSE(ack.covers(98));
   EXPECT_TRUE(ack.covers(36));
   EXPECT_FALSE(ack.covers(35));
   EXPECT_FALSE(ack.covers(101));
-  EXPECT_FALSE((Acknowledgement{1, 1, 0}.covers(0xffffffffu)));
+  EXPECT_FALSE((Acknowledgement{1, 0}.covers(0xffffffffu)));
 }
 
 TEST(Messages, HelloCarriesCellSizeWindowAndName) {
-  Hello hello{50000, 1536, 160, {}, 0};
+  Hello hello{50000, {-2, 3, 1536, 160}, true, {}, 0};
   hello.set_name("r2\n");
   const Bytes body = encoded(hello);
-  EXPECT_EQ(body, (Bytes{0x50, 0xc3, 0x00, 0x00, 0x06, 0xa0, 0x00, 3, 'r', '2', '?'}));
+  EXPECT_EQ(body, (Bytes{0x50, 0xc3, 0x00, 0xfe, 0xff, 0xff, 0x03, 0x00, 0x00, 0x00, 0x06, 0xa0,
+                         0x00, 1, 3, 'r', '2', '?'}));
   const auto back = decode_hello(body);
   ASSERT_TRUE(back.ok());
   EXPECT_EQ(back->cell_um, 50000);
-  EXPECT_EQ(back->window_width, 1536);
-  EXPECT_EQ(back->window_height, 160);
+  EXPECT_EQ(back->window, hello.window);
+  EXPECT_TRUE(back->resuming);
   EXPECT_EQ(back->name(), "r2?");
   expect_exact_size(hello, decode_hello);
 }
 
-TEST(Messages, HelloRefusesLongOrUnprintableNamesAndCellsOfNoSize) {
-  Hello hello{50000, 1, 1, {}, 0};
+TEST(Messages, HelloRefusesLongOrUnprintableNamesUnknownFlagsAndCellsOfNoSize) {
+  Hello hello{50000, {0, 0, 1, 1}, false, {}, 0};
   hello.set_name("a name of far more than twenty-four characters");
   EXPECT_EQ(hello.name(), "a name of far more than ");
-  Bytes body = {0x50, 0xc3, 0, 1, 0, 1, 0, 25};
-  body.insert(body.end(), 25, 'x');
-  EXPECT_EQ(decode_hello(body).status(), Status::kCorrupt);
-  EXPECT_EQ(decode_hello(Bytes{1, 0, 0, 1, 0, 1, 0, 1, 0x07}).status(), Status::kCorrupt);
-  EXPECT_EQ(decode_hello(Bytes{0, 0, 0, 1, 0, 1, 0, 0}).status(), Status::kCorrupt);
+  const auto hello_with = [](std::uint8_t cell, std::uint8_t flags, Bytes name) {
+    Bytes body(15);
+    body[0] = cell;
+    body[13] = flags;
+    body[14] = static_cast<std::uint8_t>(name.size());
+    body.insert(body.end(), name.begin(), name.end());
+    return decode_hello(body).status();
+  };
+  EXPECT_EQ(hello_with(1, 0, {'x'}), Status::kOk);
+  EXPECT_EQ(hello_with(1, 0, Bytes(25, 'x')), Status::kCorrupt);
+  EXPECT_EQ(hello_with(1, 0, {0x07}), Status::kCorrupt);
+  EXPECT_EQ(hello_with(1, 2, {'x'}), Status::kCorrupt);
+  EXPECT_EQ(hello_with(0, 0, {'x'}), Status::kCorrupt);
+}
+
+TEST(Messages, WelcomeAndRestoreSurviveTheRoundTrip) {
+  const Welcome welcome{0x01020304, false, true};
+  EXPECT_EQ(encoded(welcome), (Bytes{4, 3, 2, 1, 2}));
+  EXPECT_EQ(*decode_welcome(encoded(welcome)), welcome);
+  EXPECT_EQ(decode_welcome(Bytes{4, 3, 2, 1, 4}).status(), Status::kCorrupt);
+  expect_exact_size(welcome, decode_welcome);
+  const RestoreRequest request{{-1, -2, 3, 4}, {1, -5, 6}};
+  EXPECT_EQ(*decode_restore_request(encoded(request)), request);
+  expect_exact_size(request, decode_restore_request);
+  const RestoreHeader header{{0, 1, -2}, {.layer = RestoreCursor::kEnd}};
+  EXPECT_EQ(encoded(header).size(), kRestoreHeaderBytes);
+  EXPECT_EQ(*decode_restore_header(encoded(header)), header);
+  EXPECT_EQ(decode_restore_header(Bytes(13)).status(), Status::kTruncated);
 }
 
 TEST(Messages, StatusSurvivesTheRoundTrip) {
@@ -117,6 +147,9 @@ TEST(Messages, RandomBytesNeverHarm) {
     for (auto& byte : body) byte = static_cast<std::uint8_t>(random() & 0xffu);
     static_cast<void>(decode_acknowledgement(body));
     static_cast<void>(decode_hello(body));
+    static_cast<void>(decode_welcome(body));
+    static_cast<void>(decode_restore_request(body));
+    static_cast<void>(decode_restore_header(body));
     static_cast<void>(decode_robot_status(body));
     static_cast<void>(decode_found_report(body));
     static_cast<void>(decode_command(body));

@@ -9,17 +9,19 @@ namespace {
 TEST(NothingLost, WhateverTheRadioDoesAndWhoeverIsKilled) {
   ScheduleReport sum;
   for (std::uint32_t seed = 1; seed <= 40; ++seed) {
-    const ScheduleReport report = SimulatedTeam(draw_schedule(seed)).run();
+    const ScheduleReport report = SimulatedTeam(draw_schedule(seed, {.kill_robots = true})).run();
     ASSERT_EQ(report.failure, "");
     EXPECT_GT(report.cells_checked, 0u) << seed;
     sum.radio += report.radio;
     sum.server_kills += report.server_kills;
+    sum.robot_kills += report.robot_kills;
   }
   // The schedules are what they say they are.
   EXPECT_GT(sum.radio.lost, sum.radio.sent / 4);
   EXPECT_GT(sum.radio.duplicated, sum.radio.sent / 20);
   EXPECT_GT(sum.radio.spoiled, 0u);
   EXPECT_GT(sum.server_kills, 60u);
+  EXPECT_GT(sum.robot_kills, 60u);
 }
 
 // The test itself must notice a loss: a server that forgets its database.

@@ -11,7 +11,6 @@ namespace {
 constexpr TimeUs kTickUs = 50'000;
 constexpr TimeUs kSecond = 1'000'000;
 constexpr TimeUs kSettleLimitUs = 120 * kSecond;
-constexpr std::uint32_t kFirstEpoch = 10;
 
 PeerAddress address_of(std::size_t robot) {
   PeerAddress address;
@@ -35,7 +34,7 @@ bool is_down(const std::vector<Outage>& outages, TimeUs now_us) {
 
 struct SimulatedTeam::Member {
   Member(std::uint16_t id, std::uint32_t seed, const FaultSchedule::Robot& plan)
-      : outages(plan.outages), radio(seed, plan.radio), robot(id, kFirstEpoch, radio.robot()) {}
+      : outages(plan.outages), radio(seed, plan.radio), robot(id, radio.robot()) {}
   std::vector<Outage> outages;
   FakeRadio radio;
   TeamRobot robot;

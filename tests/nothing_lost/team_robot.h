@@ -19,22 +19,19 @@ class TeamRobot {
   static constexpr CellRect kWindow{-40, -40, 90, 70};
 
   // `radio` must outlive the robot. It runs at once.
-  TeamRobot(std::uint16_t id, std::uint32_t first_epoch, DatagramSocket& radio)
-      : id_(id), next_epoch_(first_epoch), radio_(radio) {
-    start();
-  }
+  TeamRobot(std::uint16_t id, DatagramSocket& radio) : id_(id), radio_(radio) { start(); }
 
-  // With an empty map, and a boot epoch of its own.
+  // With an empty map.
   void start() {
     MapLinkConfig config;
     config.robot = id_;
-    config.epoch = next_epoch_++;
+    config.epoch = kEpoch;  // always the same: the server gives out others
+    config.boot = next_boot_++;
     config.name = "robot";
     config.batch_period_us = 300'000;
-    config.window_width = static_cast<std::uint16_t>(kWindow.width);
-    config.window_height = static_cast<std::uint16_t>(kWindow.height);
     map_.emplace(kWindow);
     link_.emplace(*map_, radio_, config);
+    link_->clip(kWindow);
   }
   // Everything it knew is gone.
   void kill() {
@@ -47,7 +44,10 @@ class TeamRobot {
   std::uint16_t id() const { return id_; }
   const MapLink& link() const { return *link_; }
   const TeamMap& map() const { return *map_; }
-  void step(TimeUs now_us) { link_->step(now_us, {}); }
+  void step(TimeUs now_us) {
+    link_->step(now_us, {});
+    for (const Layer layer : kLayers) link_->mark_dirty(layer, map_->take_changes(layer));
+  }
 
   // Now and then it sees a place: counts visits, finds obstacles there or finds them gone.
   void explore(std::mt19937& random) {
@@ -63,9 +63,8 @@ class TeamRobot {
     if (layer == Layer::kVisits) note_acknowledged(seen);
     const auto obstacle = static_cast<std::uint8_t>(random() % 2);
     for_each_cell(seen, [&](Cell c) {
-      std::uint8_t& value = map_->own(layer, c);
-      value = layer == Layer::kObstacles ? obstacle
-                                         : static_cast<std::uint8_t>(std::min(255, value + 1));
+      const auto visits = static_cast<std::uint8_t>(std::min(255, map_->own(layer, c) + 1));
+      map_->set_own(layer, c, layer == Layer::kObstacles ? obstacle : visits);
     });
     link_->mark_dirty(layer, seen);
   }
@@ -81,18 +80,19 @@ class TeamRobot {
 
  private:
   static constexpr std::int32_t kMaxSide = 12;
+  static constexpr std::uint32_t kEpoch = 10;
 
   void note_acknowledged(const CellRect& rect) {
     for_each_cell(rect, [&](Cell c) {
       const std::uint8_t value = map_->own(Layer::kVisits, c);
       if (value != 0 && is_acknowledged(Layer::kVisits, c)) {
-        acknowledged_.own(Layer::kVisits, c) = value;
+        acknowledged_.set_own(Layer::kVisits, c, value);
       }
     });
   }
 
   std::uint16_t id_;
-  std::uint32_t next_epoch_;
+  std::uint64_t next_boot_ = 1;
   DatagramSocket& radio_;
   std::optional<TeamMap> map_;  // none while the robot is down
   std::optional<MapLink> link_;

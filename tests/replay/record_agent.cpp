@@ -82,7 +82,7 @@ class Team final : public host::DatagramSender {
       address.storage.ss_family = AF_INET;
       address.size = sizeof(sockaddr_in);
       reinterpret_cast<sockaddr_in*>(&address.storage)->sin_port = static_cast<in_port_t>(i);
-      for (const auto& datagram : robots_[i]->radio().from_robot) {
+      for (auto& datagram : robots_[i]->radio().from_robot) {
         server_->receive(address, datagram, now_us);
       }
       robots_[i]->radio().from_robot.clear();

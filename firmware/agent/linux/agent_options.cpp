@@ -43,7 +43,10 @@ const std::array kOptions{
     Option{"can", &AgentOptions::can, "CAN bus: socketcan:IFACE or socketcand:HOST:PORT/BUS"},
     Option{"server", &AgentOptions::server, "Map server, HOST:PORT; without it the radio is off"},
     Option{"robot-id", &AgentOptions::robot_id, "Number of this robot in its team", 1, 250},
-    Option{"key", &AgentOptions::key, "File with this robot's radio key"},
+    Option{"key", &AgentOptions::key,
+           "File with this robot's radio key (ivfm keygen); needed by a server on another machine"},
+    Option{"radio-rate", &AgentOptions::radio_rate,
+           "Most bytes a second that the radio sends, 0 for no limit", 0, 100'000'000},
     Option{"model", &AgentOptions::model, "Quantized policy; without it: nearest unexplored place"},
     Option{"profile", &AgentOptions::profile, "Map size and resolution: paper, robot or mcu"},
     Option{"localization", &AgentOptions::localization,
@@ -284,11 +287,11 @@ void check_together(const AgentOptions& options) {
     throw OptionsError("can: '" + options.can +
                        "' is no CAN bus; right is socketcan:can0 or socketcand:HOST:PORT/BUS");
   }
+  if (options.radio_rate != 0 && options.radio_rate < 1000) {
+    throw OptionsError("radio-rate: right is 0 for no limit, or 1000 bytes a second at least");
+  }
   if (!options.server.empty() && !is_host_and_port(options.server)) {
     throw OptionsError("server: '" + options.server + "' is not HOST:PORT");
-  }
-  if (!options.key.empty()) {
-    throw OptionsError("key: this version has no encrypted radio yet; leave the key out");
   }
 }
 
@@ -318,8 +321,8 @@ void apply_toml(AgentOptions& options, const std::string& text, const std::strin
 std::optional<AgentOptions> parse_agent_options(int argc, const char* const* argv) {
   CLI::App app{"ivfm-agent: explores with an RPLIDAR and two CiA 402 wheel drives"};
   app.footer(
-      "Example: ivfm-agent --lidar /dev/ttyUSB0 --can socketcan:can0 --server 10.0.0.1:7777 \\\n"
-      "           --model models/explorer.ivfm --start 0,0,90\n"
+      "Example: ivfm-agent --lidar /dev/ttyUSB0 --can socketcan:can0 --server 10.0.0.1:7700 \\\n"
+      "           --key robot1.key --model models/explorer.ivfm --start 0,0,90\n"
       "Every option but --config is also a key of the TOML file; see agent.example.toml.");
   app.set_version_flag("--version", "ivfm-agent 0.1.0");
   std::string config;

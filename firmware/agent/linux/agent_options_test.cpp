@@ -185,8 +185,8 @@ TEST(AgentOptions, MistakesInFlagsNameTheFlagAndWhatWouldBeRight) {
               HasSubstr("not HOST:PORT"));
   EXPECT_THAT(error_of_flags({"--speed", "1"}), HasSubstr("--help lists the options"));
   EXPECT_THAT(error_of_flags({"--config", "/no/such/file"}), HasSubstr("cannot read /no/such"));
-  EXPECT_THAT(error_of_flags({"--can", "socketcan:can0", "--key", "robot1.key"}),
-              HasSubstr("no encrypted radio yet"));
+  EXPECT_THAT(error_of_flags({"--can", "socketcan:can0", "--radio-rate", "999"}),
+              HasSubstr("1000 bytes a second at least"));
 }
 
 TEST(AgentOptions, RandomBytesInTheFileAreRefusedInOneSentence) {

@@ -41,7 +41,7 @@ ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um
 }  // namespace
 
 AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
-                              std::uint32_t epoch) {
+                              std::uint32_t epoch, std::uint64_t boot) {
   AgentConfig config;
   config.explorer = explorer_config(options, cell_um);
   config.wheels.geometry.track_um = to_um(options.wheel_base_m);
@@ -67,6 +67,8 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
   config.supervisor.max_turn_mrad_s = config.follower.max_turn_mrad_s;
   config.link.robot = static_cast<std::uint16_t>(options.robot_id);
   config.link.epoch = epoch;
+  config.link.boot = boot;
+  config.link.bytes_per_second = static_cast<std::uint32_t>(options.radio_rate);
   config.localization.matching = options.localization == LocalizationChoice::kMatching;
   config.start = {{to_um(options.start_x_m), to_um(options.start_y_m)},
                   BinaryAngle::from_degrees(options.start_heading_deg)};

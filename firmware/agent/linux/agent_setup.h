@@ -8,9 +8,9 @@
 
 namespace ivfm {
 
-// `epoch`: larger at every start of this robot (seconds of wall time). Lengths are rounded to
-// micrometres, angles to binary angles.
+// `epoch`, `boot`: of this start, see MapLinkConfig. Lengths are rounded to micrometres, angles to
+// binary angles.
 AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
-                              std::uint32_t epoch);
+                              std::uint32_t epoch, std::uint64_t boot = 1);
 
 }  // namespace ivfm

@@ -1,5 +1,6 @@
 // `ivfm-agent`: the robot's program on Linux. Opens the ports, then runs the core without touching
 // the heap again.
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -7,6 +8,7 @@
 #include <ctime>
 #include <memory>
 #include <new>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -17,6 +19,8 @@
 #include "firmware/hal/linux/can_port.h"
 #include "firmware/hal/linux/linux_clock.h"
 #include "firmware/hal/linux/linux_serial_port.h"
+#include "firmware/hal/linux/radio_key_file.h"
+#include "firmware/hal/linux/random_boot.h"
 #include "firmware/hal/linux/service_manager.h"
 #include "firmware/hal/linux/udp_socket.h"
 
@@ -46,6 +50,20 @@ class NoRadio final : public DatagramSocket {
   Status send(std::span<const std::uint8_t>) override { return Status::kOk; }
 };
 
+// This robot's key out of a key file. Throws std::runtime_error with one sentence.
+SodiumSeal read_seal(const std::string& path, std::int64_t robot) {
+  if (!has_encryption()) {
+    throw std::runtime_error("this build has no libsodium: it cannot use the key " + path);
+  }
+  const RadioKeys keys = read_radio_keys(path);
+  const auto key = keys.find(static_cast<std::uint16_t>(robot));
+  if (key == keys.end()) {
+    throw std::runtime_error(path + " holds no key of robot " + std::to_string(robot) +
+                             "; give this robot's file, or its number with --robot-id");
+  }
+  return SodiumSeal(key->second);
+}
+
 // The devices of this machine, opened. Throws std::runtime_error with one sentence.
 class Devices {
  public:
@@ -59,18 +77,27 @@ class Devices {
     }
     std::string error;
     if (!ok(can_.open(options.can, 5000, error))) throw std::runtime_error(error);
+    if (!options.key.empty()) seal_ = read_seal(options.key, options.robot_id);
     if (options.server.empty()) return;
     radio_ = std::make_unique<UdpSocket>(options.server);
     if (!ok(radio_->status())) {
       throw std::runtime_error("cannot reach the map server " + options.server + ": " +
                                radio_->error_text());
     }
+    if (!seal_ && !radio_->peer_is_loopback()) {
+      std::fprintf(
+          stderr,
+          "ivfm-agent: the radio to %s is not encrypted, and ivfm serve does not listen to "
+          "other machines like that; give --key FILE (ivfm keygen writes one)\n",
+          options.server.c_str());
+    }
   }
 
   LinuxClock& clock() { return clock_; }
   AgentPorts ports() {
     DatagramSocket& radio = radio_ ? static_cast<DatagramSocket&>(*radio_) : no_radio_;
-    return {lidar_, can_, radio, clock_};
+    return {lidar_, can_, radio, clock_,
+            seal_ ? static_cast<const DatagramSeal&>(*seal_) : kPlainSeal};
   }
   bool has_radio() const { return radio_ != nullptr; }
 
@@ -80,6 +107,7 @@ class Devices {
   CanPort can_;
   NoRadio no_radio_;
   std::unique_ptr<UdpSocket> radio_;
+  std::optional<SodiumSeal> seal_;
 };
 
 class Telemetry {
@@ -151,8 +179,8 @@ template <typename Profile>
 int run(const AgentOptions& options) {
   Devices devices(options);
   Telemetry telemetry(options);
-  const auto epoch = static_cast<std::uint32_t>(std::time(nullptr));
-  const AgentConfig config = make_agent_config(options, Profile::kCellUm, epoch);
+  const auto epoch = static_cast<std::uint32_t>(std::max<std::time_t>(1, std::time(nullptr)));
+  const AgentConfig config = make_agent_config(options, Profile::kCellUm, epoch, draw_boot());
   AgentFor<Profile>& agent = make_agent<Profile>(config, devices.ports());
   std::vector<std::uint8_t> model;
   if (!options.model.empty()) {
@@ -170,7 +198,7 @@ int run(const AgentOptions& options) {
   manager.ready();
   run_agent(agent, devices, telemetry, manager);
   if (!options.dump_map.empty()) {
-    write_map_file(options.dump_map, agent, config.link.robot, epoch);
+    write_map_file(options.dump_map, agent, config.link.robot, agent.link().epoch());
   }
   const bool complete = !devices.has_radio() || agent.map_is_shared();
   std::fprintf(stderr, "ivfm-agent: stopped after %.1f m and %u actions%s\n",

@@ -62,8 +62,8 @@ std::size_t format_telemetry_json(const Agent& agent, TimeUs now_us, std::span<c
       lidar.dropped_samples, lidar.reconnects, can.frames_received, can.frames_ignored,
       can.send_failures, can.bus_failures, can.common_stops, link.bytes_sent, link.bytes_received,
       link.datagrams_sent, link.datagrams_received, link.retransmissions,
-      link.dropped_malformed + link.dropped_misdirected + link.dropped_stale +
-          link.dropped_cell_size,
+      link.dropped_malformed + link.dropped_misdirected + link.dropped_refused +
+          link.dropped_replayed + link.dropped_stale + link.dropped_cell_size,
       agent.odometry().jumps());
   return written(length, out);
 }

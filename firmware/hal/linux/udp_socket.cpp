@@ -1,6 +1,7 @@
 #include "firmware/hal/linux/udp_socket.h"
 
 #include <netdb.h>
+#include <netinet/in.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -92,6 +93,15 @@ Status UdpSocket::resolve(const char* host, const char* port) {
   std::memcpy(&peer_, found->ai_addr, peer_size_);
   ::freeaddrinfo(found);
   return Status::kOk;
+}
+
+bool UdpSocket::peer_is_loopback() const {
+  if (peer_.ss_family == AF_INET) {
+    const auto& v4 = reinterpret_cast<const sockaddr_in&>(peer_);
+    return (ntohl(v4.sin_addr.s_addr) >> 24) == 127;
+  }
+  const auto& v6 = reinterpret_cast<const sockaddr_in6&>(peer_);
+  return peer_.ss_family == AF_INET6 && IN6_IS_ADDR_LOOPBACK(&v6.sin6_addr);
 }
 
 // Connecting fails while there is no route; it is tried again with every call.

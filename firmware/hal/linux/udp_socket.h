@@ -29,6 +29,9 @@ class UdpSocket final : public DatagramSocket {
 
   int fd() const { return fd_; }  // to wait on with poll(); -1 when not usable
 
+  // Whether the peer is on this machine.
+  bool peer_is_loopback() const;
+
   Result<std::size_t> receive(std::span<std::uint8_t> buffer) override;
   Status send(std::span<const std::uint8_t> datagram) override;
 
