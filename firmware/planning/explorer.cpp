@@ -83,6 +83,9 @@ bool Explorer::local_map_is_worth_visiting() const {
   const Cell robot{state_.grid.origin.x + kMiddle * state_.grid.pool,
                    state_.grid.origin.y + kMiddle * state_.grid.pool};
   if (!map_.is_seen(robot)) return true;
+  if (config_.min_local_unseen > 0) {
+    return count_reachable_unseen(map_, paths_, state_.grid.window()) >= config_.min_local_unseen;
+  }
   return has_reachable_frontier(map_, paths_, state_.grid.window(), stand_off_cells(),
                                 config_.min_local_frontier);
 }
@@ -170,14 +173,29 @@ void Explorer::plan_everywhere(const Pose& pose, Clearance clearance) {
 
 std::optional<FrontierGoal> Explorer::choose_frontier() {
   // Frontiers that were tried in vain several times are given up, so this loop ends.
-  while (const auto frontier = nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(),
-                                                config_.min_frontier_size)) {
+  while (const auto frontier = next_frontier()) {
     tries_at_frontier_ = frontier->frontier == last_frontier_ ? tries_at_frontier_ + 1 : 0;
     last_frontier_ = frontier->frontier;
     if (tries_at_frontier_ <= 3) return frontier;
     give_up_frontier();
   }
   return std::nullopt;
+}
+
+std::optional<FrontierGoal> Explorer::next_frontier() const {
+  if (config_.region_cells > 0) {
+    // Less than a sixteenth of a region is crumbs: those are collected last, nearest first.
+    const std::int32_t least = config_.region_cells * config_.region_cells / 16;
+    if (const auto rich = richest_region(map_, paths_, config_.region_cells, least)) return rich;
+  }
+  return nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(),
+                          config_.min_frontier_size);
+}
+
+// Whether there is still something to see at what was chosen to be looked at.
+bool Explorer::is_open(Cell c) const {
+  if (config_.region_cells == 0) return is_frontier(map_, c);
+  return !map_.is_seen(c) && !map_.is_obstacle(c) && !map_.is_given_up(c);
 }
 
 Decision Explorer::select_return(const Pose& pose) {
@@ -246,7 +264,7 @@ Status Explorer::replan(const Pose& pose) {
 }
 
 bool Explorer::goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const {
-  if (last_.kind == Decision::Kind::kGlobalGoal && !is_frontier(map_, last_frontier_)) return false;
+  if (last_.kind == Decision::Kind::kGlobalGoal && !is_open(last_frontier_)) return false;
   if (tight_) return true;  // nearer to obstacles than the inflation allows
   const std::span<const Point> waypoints = path_.points();
   Cell from = robot_cell(pose);
@@ -269,7 +287,7 @@ void Explorer::give_up_frontier() {
       CellRect{last_frontier_.x, last_frontier_.y, 1, 1}.grown(stand_off_cells());
   for (std::int32_t y = around.y; y < around.top(); ++y) {
     for (std::int32_t x = around.x; x < around.right(); ++x) {
-      if (is_frontier(map_, {x, y})) map_.set_flag({x, y}, cell_flag::kGivenUp);
+      if (is_open({x, y})) map_.set_flag({x, y}, cell_flag::kGivenUp);
     }
   }
 }

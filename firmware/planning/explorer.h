@@ -23,6 +23,11 @@ struct ExplorerConfig {
   std::int32_t pool = 8;                   // map cells along a policy cell's side
   // Fewer reachable frontier cells than this in the local map: nothing worth visiting there.
   std::int32_t min_local_frontier = 6;
+  // Where robots may drive into the unknown: so many unseen cells must be in reach instead.
+  std::int32_t min_local_unseen = 0;
+  // Side of the regions of the whole map that such robots compare when the local map is not worth
+  // visiting; 0: they go to the nearest frontier.
+  std::int32_t region_cells = 0;
   // Smaller frontiers of the whole map are taken for noise.
   std::int32_t min_frontier_size = 1;
   // Goals nearer than this are no moves.
@@ -43,6 +48,8 @@ struct ExplorerConfig {
     c.min_goal_distance_um = 70'000;
     c.pool = 2;
     c.rolling_window = false;
+    c.min_local_unseen = 400;  // of the local map's 4,096
+    c.region_cells = 32;
     return c;
   }
   // A robot with a lidar: visits count within `visit_range_um`; the local map is about four visit
@@ -152,6 +159,8 @@ class Explorer {
   Decision select_best(std::span<const std::int32_t> q_values);
   void plan_everywhere(const Pose& pose, Clearance clearance);
   std::optional<FrontierGoal> choose_frontier();
+  std::optional<FrontierGoal> next_frontier() const;
+  bool is_open(Cell c) const;
   Decision return_or_stay(const Pose& pose);
   Decision stay();
   void give_up_frontier();

@@ -1,5 +1,7 @@
 #include "firmware/planning/frontier.h"
 
+#include <limits>
+
 namespace ivfm {
 
 namespace {
@@ -34,6 +36,52 @@ void for_each_frontier(const ExplorationMap& map, const CellRect& rect, Visit vi
       if (is_frontier(map, {x, y}) && !visit(Cell{x, y})) return;
     }
   }
+}
+
+// The cost of driving to an unseen cell that was not given up; kUnreachable for all others.
+std::uint16_t unseen_cost(const ExplorationMap& map, const ShortestPathMap& paths, Cell c) {
+  if (map.is_seen(c) || map.is_given_up(c)) return path::kUnreachable;
+  return paths.cost_at(map, c);
+}
+
+// What a region holds of unseen cells in reach.
+struct Region {
+  CellRect rect;
+  std::int64_t cells = 0, sum_x = 0, sum_y = 0;
+  std::int64_t nearest_cost = path::kUnreachable;
+};
+
+Region survey(const ExplorationMap& map, const ShortestPathMap& paths, const CellRect& rect) {
+  Region region{rect};
+  for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+    for (std::int32_t x = rect.x; x < rect.right(); ++x) {
+      const std::uint16_t cost = unseen_cost(map, paths, {x, y});
+      if (cost == path::kUnreachable) continue;
+      ++region.cells;
+      region.sum_x += x;
+      region.sum_y += y;
+      if (cost < region.nearest_cost) region.nearest_cost = cost;
+    }
+  }
+  return region;
+}
+
+// The unseen cell in reach that lies nearest to the middle of all of the region's.
+FrontierGoal middle_of(const ExplorationMap& map, const ShortestPathMap& paths,
+                       const Region& region) {
+  FrontierGoal best{{}, {}, path::kUnreachable};
+  std::int64_t best_distance = std::numeric_limits<std::int64_t>::max();
+  for (std::int32_t y = region.rect.y; y < region.rect.top(); ++y) {
+    for (std::int32_t x = region.rect.x; x < region.rect.right(); ++x) {
+      const std::int64_t dx = x * region.cells - region.sum_x;
+      const std::int64_t dy = y * region.cells - region.sum_y;
+      const std::uint16_t cost = unseen_cost(map, paths, {x, y});
+      if (cost == path::kUnreachable || dx * dx + dy * dy >= best_distance) continue;
+      best_distance = dx * dx + dy * dy;
+      best = {{x, y}, {x, y}, cost};
+    }
+  }
+  return best;
 }
 
 }  // namespace
@@ -80,6 +128,28 @@ bool has_reachable_frontier(const ExplorationMap& map, const ShortestPathMap& pa
     return found < count;
   });
   return found >= count;
+}
+
+std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const ShortestPathMap& paths,
+                                           std::int32_t side, std::int32_t least) {
+  const CellRect all = paths.region();
+  Region best;
+  for (std::int32_t y = all.y; y < all.top(); y += side / 2) {
+    for (std::int32_t x = all.x; x < all.right(); x += side / 2) {
+      Region region = survey(map, paths, CellRect{x, y, side, side}.intersection(all));
+      if (region.cells < least) continue;
+      region.nearest_cost += side / 2 * path::kStraight;
+      if (region.cells * best.nearest_cost <= best.cells * region.nearest_cost) continue;
+      best = region;
+    }
+  }
+  if (best.cells == 0) return std::nullopt;
+  return middle_of(map, paths, best);
+}
+
+std::int32_t count_reachable_unseen(const ExplorationMap& map, const ShortestPathMap& paths,
+                                    const CellRect& rect) {
+  return static_cast<std::int32_t>(survey(map, paths, rect).cells);
 }
 
 }  // namespace ivfm

@@ -31,6 +31,18 @@ std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
                                              const ShortestPathMap& paths, const CellRect& rect,
                                              std::int32_t stand_off, int min_size);
 
+// Where most is left to see for the way there, for robots that may drive into the unknown: the
+// region of `side` x `side` cells with the most unseen cells in reach, divided by the path to the
+// nearest of them and half a region more. Regions overlap by half. `frontier` and `stand` are the
+// unseen cell nearest to the middle of the region's unseen cells. No value when every region holds
+// fewer than `least` such cells. Ties: lowest row, then column.
+std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const ShortestPathMap& paths,
+                                           std::int32_t side, std::int32_t least);
+
+// How many unseen cells of `rect` can be driven to.
+std::int32_t count_reachable_unseen(const ExplorationMap& map, const ShortestPathMap& paths,
+                                    const CellRect& rect);
+
 // Whether `rect` holds at least `count` frontier cells that nearest_frontier could choose.
 bool has_reachable_frontier(const ExplorationMap& map, const ShortestPathMap& paths,
                             const CellRect& rect, std::int32_t stand_off, int count);
