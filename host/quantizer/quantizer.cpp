@@ -167,8 +167,9 @@ double weight_scale(const FloatLayer& layer, std::size_t output, double input_sc
 
 class ModelWriter {
  public:
-  ModelWriter(const FloatNetwork& network, Statistics statistics)
+  ModelWriter(const FloatNetwork& network, Statistics statistics, bool correct_bias)
       : network_(network),
+        correct_bias_(correct_bias),
         shapes_(network.shapes()),
         scales_(std::move(statistics.scales)),
         means_(std::move(statistics.means)),
@@ -297,7 +298,7 @@ class ModelWriter {
           const long rounded = std::lround(weight / scale);
           weights[format::weight_index(static_cast<int>(o), t, c, taps, stored_inputs)] =
               static_cast<std::uint8_t>(rounded);
-          // What rounding the weights adds on average goes into the bias (Nagel et al. 2019).
+          if (!correct_bias_) continue;
           bias += (weight - static_cast<double>(rounded) * scale) * input_means[c];
         }
       w.u32(static_cast<std::uint32_t>(
@@ -315,6 +316,7 @@ class ModelWriter {
   }
 
   const FloatNetwork& network_;
+  bool correct_bias_;
   std::vector<Shape> shapes_;
   std::vector<double> scales_;
   std::vector<std::vector<double>> means_;
@@ -324,6 +326,12 @@ class ModelWriter {
 
 }  // namespace
 
+std::vector<double> activation_scales(const FloatNetwork& network,
+                                      std::span<const std::uint16_t> states,
+                                      const QuantizeOptions& options) {
+  return find_statistics(network, states, options.calibration).scales;
+}
+
 std::vector<std::uint8_t> quantize(const FloatNetwork& network,
                                    std::span<const std::uint16_t> states,
                                    const QuantizeOptions& options) {
@@ -331,7 +339,8 @@ std::vector<std::uint8_t> quantize(const FloatNetwork& network,
     throw std::runtime_error("more than " + std::to_string(kMaxLayers) + " layers");
   if (network.name.size() >= kMaxNameBytes)
     throw std::invalid_argument("the name is longer than " + std::to_string(kMaxNameBytes - 1));
-  ModelWriter writer(network, find_statistics(network, states, options.calibration));
+  ModelWriter writer(network, find_statistics(network, states, options.calibration),
+                     options.correct_bias);
   std::vector<std::uint8_t> file = writer.write();
   ModelView model;
   if (const ModelStatus status = load_model(file, model); !ok(status.status))

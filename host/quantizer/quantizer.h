@@ -19,6 +19,9 @@ enum class Calibration {
 
 struct QuantizeOptions {
   Calibration calibration = Calibration::kLeastSquares;
+  // What rounding the weights adds on average goes into the biases (Nagel et al. 2019). Not for
+  // networks that were trained to round: they have learned biases that fit.
+  bool correct_bias = true;
 };
 
 // Quantizes to int8: weights symmetric per output channel, activations symmetric per tensor.
@@ -28,6 +31,12 @@ struct QuantizeOptions {
 std::vector<std::uint8_t> quantize(const FloatNetwork& network,
                                    std::span<const std::uint16_t> states,
                                    const QuantizeOptions& options = {});
+
+// What one step of each int8 tensor means when quantize() is given the same arguments; tensor 0 is
+// the input. Throws std::invalid_argument as quantize().
+std::vector<double> activation_scales(const FloatNetwork& network,
+                                      std::span<const std::uint16_t> states,
+                                      const QuantizeOptions& options = {});
 
 // How close a model file comes to its float network on `states`.
 struct QuantizationReport {

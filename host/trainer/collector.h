@@ -1,61 +1,44 @@
-// Fills the replay buffer: many episodes side by side, one batched network pass a round.
+// Plays many episodes side by side and values the goals of every state that they meet.
 #pragma once
 
-#include <deque>
-#include <functional>
 #include <memory>
 #include <vector>
 
 #include "host/trainer/exploration_slot.h"
-#include "host/trainer/replay_buffer.h"
+#include "host/trainer/learner_config.h"
 
 namespace ivfm::host {
 
 class Collector {
  public:
-  Collector(const TrainerConfig& config, ReplayBuffer& replay);
+  explicit Collector(const TrainerConfig& config);
+  ~Collector();
 
   // Forgets the running episodes and begins new ones.
   void restart(ResumableRandom& random);
-  // One action of every slot. `epsilon`: share of uniformly random goals. Returns local actions
-  // taken, actions tried in copies included.
-  int collect(const QValues& q_values, double epsilon, ResumableRandom& random);
-  // States labelled with the reward of some of their actions, found by trying them in copies. The
-  // robot goes on with the best of these goals, or a random one.
-  std::vector<LabelledState> label_states(int count, int labels, ResumableRandom& random,
-                                          const std::function<bool(int)>& keep_going);
 
-  // Mean reward of the local actions since the last call.
+  // One action of every episode's next robot. Each state that they meet comes back with goals that
+  // were tried in copies of the episode: half of them likely choices of the network, half drawn
+  // from all in reach. A goal's value is its reward and, discounted, `state_values` of the state it
+  // leads to. The robots go on with a likely choice, or, with probability `epsilon`, any goal.
+  std::vector<LabelledState> collect(const QValues& q_values, const StateValues& state_values,
+                                     double epsilon);
+
+  // Mean reward of the robots' own actions since the last call.
   double take_mean_reward();
 
  private:
-  // An action whose n-step return is still growing.
-  struct Pending {
-    ObservationId from = kNoObservation;
-    int action = 0;
-    double reward = 0;
-    double discount = 1;
-    int age = 0;
-  };
-  struct Slot {
-    explicit Slot(const TrainerConfig& config) : episodes(config) {}
-    ExplorationSlot episodes;
-    std::vector<std::deque<Pending>> pending;  // by agent
-  };
+  struct Trial;
+  struct Slot;
 
-  bool prepare(Slot& slot, ResumableRandom& random);
-  void finish_episode(Slot& slot);
-  void earn(Slot& slot, int agent, const Earning& earning, bool is_local);
-  void emit(const Pending& pending, ObservationId to);
-  int choose(const Observation& observation, const float* q, double epsilon,
-             ResumableRandom& random) const;
-  int branch(Slot& slot, int agent, ObservationId from, const float* q, ResumableRandom& random);
+  bool prepare(Slot& slot);
+  void explore(Slot& slot, const float* q, double epsilon);
+  void try_goal(Slot& slot, int agent, int goal);
+  int likely_goal(const Observation& observation, const float* q, ResumableRandom& random) const;
+  std::vector<float> values_of_trials(const StateValues& state_values) const;
 
   const TrainerConfig& config_;
-  ReplayBuffer& replay_;
   std::vector<std::unique_ptr<Slot>> slots_;
-  double reward_sum_ = 0;
-  int rewards_ = 0;
 };
 
 }  // namespace ivfm::host

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
+#include <numeric>
 
 #include "host/environment/arena_worlds.h"
 #include "host/environment/building_worlds.h"
@@ -12,7 +14,8 @@ namespace {
 
 // Seeds of training worlds; evaluation uses others (docs/training.md).
 constexpr std::uint64_t kTrainingSeeds = 900'000;
-constexpr double kDiscountCells = 8;  // learning.distance_discount counts for so many policy cells
+constexpr std::size_t kBuilding = 4;  // the last of the shares
+constexpr double kDiscountCells = 8;  // the distance's discount counts for so many policy cells
 
 double policy_cell_m(const ExplorationEnvironment& environment) {
   return environment.config().cell_um * 1e-6 * environment.config().explorer.pool;
@@ -31,19 +34,6 @@ class ChosenGoal final : public QFunction {
  private:
   int policy_cell_;
 };
-
-// Draws an index with the given weights.
-template <std::size_t N>
-std::size_t draw(const std::array<double, N>& weights, ResumableRandom& random) {
-  double sum = 0;
-  for (const double w : weights) sum += w;
-  double rest = random.uniform() * sum;
-  for (std::size_t i = 0; i < N; ++i) {
-    rest -= weights[i];
-    if (rest < 0) return i;
-  }
-  return 0;
-}
 
 double between(double low, double high, ResumableRandom& random) {
   return low + (high - low) * random.uniform();
@@ -72,8 +62,9 @@ Earning earning_of(const StepResult& result, const ExplorationEnvironment& envir
   out.reward = (newly_seen - r.re_seen * penalty) / r.unit_cells - r.per_action -
                r.per_cell * driven_cells - (result.collided ? r.collision : 0) -
                (result.idle ? r.idle : 0);
-  out.discount =
-      config.action_discount * std::pow(config.distance_discount, driven_cells / kDiscountCells);
+  const bool is_arena = environment.config().sensor == SensorModel::kPaperCamera;
+  const DiscountConfig& discount = is_arena ? config.arena_discount : config.building_discount;
+  out.discount = discount.action * std::pow(discount.distance, driven_cells / kDiscountCells);
   return out;
 }
 
@@ -85,24 +76,28 @@ StepResult step_as_explorer(ExplorationEnvironment& environment, int agent, int 
   return environment.step_decision(agent, decision);
 }
 
+ExplorationSlot::ExplorationSlot(const TrainerConfig& config, double share) : config_(config) {
+  const WorldMix& mix = config.worlds;
+  const double shares[] = {mix.arena_1x, mix.arena_2x, mix.divider, mix.divider_released,
+                           mix.building};
+  double rest = share * std::accumulate(std::begin(shares), std::end(shares), 0.0);
+  while (kind_ + 1 < std::size(shares) && rest >= shares[kind_]) rest -= shares[kind_++];
+}
+
 void ExplorationSlot::begin(ResumableRandom& random) {
-  const WorldMix& mix = config_.worlds;
   const auto agents =
-      static_cast<int>(1 + random.below(static_cast<std::uint64_t>(mix.max_agents)));
+      static_cast<int>(1 + random.below(static_cast<std::uint64_t>(config_.worlds.max_agents)));
   cut_off_coverage_ = between(0.3, 1.1, random);
-  const std::array<double, 5> shares = {mix.arena_1x, mix.arena_2x, mix.divider,
-                                        mix.divider_released, mix.building};
-  const std::size_t drawn = draw(shares, random);
-  if (drawn == 4) return begin_building(agents, random);
-  if (!is_arena_) {
+  if (kind_ == kBuilding) return begin_building(agents, random);
+  if (!environment_) {
     EnvironmentConfig arena = EnvironmentConfig::arena();
     arena.max_actions_per_agent = 150;
+    arena.window_cells = 0;  // no larger than the world: copies are cheaper
     environment_ = std::make_unique<ExplorationEnvironment>(arena);
-    is_arena_ = true;
   }
   const ArenaKind kinds[] = {ArenaKind::k1x, ArenaKind::k2x, ArenaKind::kDivider,
                              ArenaKind::kDividerReleased};
-  Scenario scenario = random_arena(kinds[drawn], agents, random.below(kTrainingSeeds));
+  Scenario scenario = random_arena(kinds[kind_], agents, random.below(kTrainingSeeds));
   scenario.target.reset();
   environment_->reset(scenario);
 }
@@ -112,8 +107,8 @@ void ExplorationSlot::begin_building(int agents, ResumableRandom& random) {
   const double range_m = between(mix.building_min_range_m, mix.building_max_range_m, random);
   EnvironmentConfig config = EnvironmentConfig::building(static_cast<std::int32_t>(range_m * 1e6));
   config.max_actions_per_agent = 200;
+  config.view_every_steps *= 2;  // the lidar's views overlap by far: half of them will do
   environment_ = std::make_unique<ExplorationEnvironment>(config);
-  is_arena_ = false;
   BuildingConfig building;
   building.min_side_um = static_cast<std::int32_t>(mix.building_min_side_m * 1e6);
   building.max_side_um = static_cast<std::int32_t>(mix.building_max_side_m * 1e6);

@@ -27,11 +27,16 @@ Earning earning_of(const StepResult& result, const ExplorationEnvironment& envir
 StepResult step_as_explorer(ExplorationEnvironment& environment, int agent, int policy_cell,
                             bool& is_local);
 
+// Explored to this share, nothing worthwhile is left: what follows has no value.
+inline constexpr double kExploredShare = 0.97;
+
 class ExplorationSlot {
  public:
-  explicit ExplorationSlot(const TrainerConfig& config) : config_(config) {}
+  // All episodes of a slot are in one kind of world: the one that holds the place `share`, from 0
+  // to 1, when the shares of config.worlds lie side by side.
+  ExplorationSlot(const TrainerConfig& config, double share);
 
-  // Starts a new episode in a random world.
+  // Starts a new episode.
   void begin(ResumableRandom& random);
 
   ExplorationEnvironment& environment() { return *environment_; }
@@ -39,15 +44,13 @@ class ExplorationSlot {
   bool is_over() const {
     return environment_->is_done() || environment_->totals().coverage() >= cut_off_coverage_;
   }
-  // Nothing worthwhile is left: what follows has no value.
-  bool is_explored() const { return environment_->totals().coverage() >= 0.97; }
 
  private:
   void begin_building(int agents, ResumableRandom& random);
 
   const TrainerConfig& config_;
   std::unique_ptr<ExplorationEnvironment> environment_;
-  bool is_arena_ = false;
+  std::size_t kind_ = 0;
   double cut_off_coverage_ = 1;
 };
 

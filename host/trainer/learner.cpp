@@ -7,19 +7,17 @@
 namespace ivfm::host {
 namespace {
 
-constexpr float kOutOfReach = -1e9f;
-
-// 0 where an action is allowed, kOutOfReach elsewhere: N x kActions.
-torch::Tensor penalties_of(const std::vector<ActionMask>& masks) {
-  torch::Tensor out = torch::empty({static_cast<std::int64_t>(masks.size()), kActions});
-  float* value = out.data_ptr<float>();
-  for (const ActionMask& mask : masks)
-    for (int a = 0; a < kActions; ++a) *value++ = mask.test(a) ? 0.0f : kOutOfReach;
-  return out;
-}
+constexpr std::size_t kChunk = 64;  // states of a pass without gradients: what a cache holds
 
 torch::Tensor column(const std::vector<float>& values) {
   return torch::tensor(values, torch::kFloat);
+}
+
+int best_reachable(const Observation& observation, const float* q) {
+  int best = -1;
+  for (int a = 0; a < kActions; ++a)
+    if (observation.reachable.test(a) && (best < 0 || q[a] > q[best])) best = a;
+  return best;
 }
 
 }  // namespace
@@ -27,6 +25,7 @@ torch::Tensor column(const std::vector<float>& values) {
 Learner::Learner(const FloatNetwork& network, const LearnerConfig& config)
     : config_(config),
       device_(torch::cuda::is_available() ? torch::kCUDA : torch::kCPU),
+      arithmetic_(config.bfloat16 ? Arithmetic::kBfloat16 : Arithmetic::kFloat),
       online_(std::make_shared<TorchNetwork>(network)),
       target_(std::make_shared<TorchNetwork>(network)) {
   online_->to(device_);
@@ -36,80 +35,44 @@ Learner::Learner(const FloatNetwork& network, const LearnerConfig& config)
       torch::optim::AdamWOptions(config.learning_rate).weight_decay(config.weight_decay));
 }
 
-torch::Tensor Learner::forward(TorchNetwork& network, const std::vector<State>& states) {
-  std::vector<const State*> pointers;
-  for (const State& state : states) pointers.push_back(&state);
-  return network.forward(network.to_tensor(pointers).to(device_));
+torch::Tensor Learner::forward(TorchNetwork& network, std::span<const State* const> states) const {
+  return network.forward(network.to_tensor(states).to(device_), arithmetic_).to(torch::kFloat);
 }
 
-torch::Tensor Learner::next_values(const std::vector<State>& states,
-                                   const std::vector<ActionMask>& masks) {
-  const torch::NoGradGuard no_gradient;
-  torch::Tensor penalties = config_.mask_target
-                                ? penalties_of(masks).to(device_)
-                                : torch::zeros({1, kActions}, torch::device(device_));
-  const torch::Tensor target_q = forward(*target_, states);
-  const torch::Tensor chooser = config_.double_q ? forward(*online_, states) : target_q;
-  const torch::Tensor best = (chooser + penalties).argmax(1, true);
-  return target_q.gather(1, best).squeeze(1);
-}
-
-// What one step learns from: states, and for each of them one or more tried actions.
-struct Learner::Batch {
-  std::vector<State> states, next_states;
-  std::vector<ActionMask> next_masks;
-  std::vector<std::int64_t> places;  // of the tried actions' values: state * kActions + action
-  std::vector<float> rewards, discounts;
-};
-
-void Learner::add(const ReplayBuffer& replay, ResumableRandom& random, Batch& batch) const {
-  const auto siblings = replay.sample_siblings(static_cast<std::size_t>(config_.siblings), random);
-  const int s = config_.symmetries ? static_cast<int>(random.below(kSymmetries)) : 0;
-  const auto row = static_cast<std::int64_t>(batch.states.size());
-  batch.states.push_back(transformed(s, replay.observation(siblings.front().from).state));
-  for (const Transition& t : siblings) {
-    const bool last = t.to == kNoObservation;
-    const Observation& next = replay.observation(last ? t.from : t.to);
-    batch.places.push_back(row * kActions + transformed_action(s, t.action));
-    batch.next_states.push_back(transformed(s, next.state));
-    batch.next_masks.push_back(transformed(s, next.reachable));
-    batch.rewards.push_back(t.reward);
-    batch.discounts.push_back(last || !next.reachable.any() ? 0.0f : t.discount);
-  }
-}
-
-double Learner::learn(const ReplayBuffer& replay, ResumableRandom& random) {
-  Batch batch;
-  for (int i = 0; i < config_.batch; ++i) add(replay, random, batch);
-  const torch::Tensor bootstrap = next_values(batch.next_states, batch.next_masks);
-  const torch::Tensor targets =
-      column(batch.rewards).to(device_) + column(batch.discounts).to(device_) * bootstrap;
-  const torch::Tensor places = torch::tensor(batch.places, torch::kLong).to(device_);
-  const torch::Tensor q = forward(*online_, batch.states).flatten().index_select(0, places);
-  const double loss = descend(torch::smooth_l1_loss(q, targets));
-  target_->follow(*online_, config_.target_rate);
-  return loss;
-}
-
-double Learner::imitate(std::span<const LabelledState> labelled, ResumableRandom& random) {
+double Learner::learn(const LabelBuffer& labels, ResumableRandom& random) {
   const auto n = static_cast<std::size_t>(config_.batch);
-  std::vector<State> states;
-  std::vector<float> targets(n * kActions, 0.0f), weights(n * kActions, 0.0f);
-  for (std::size_t i = 0; i < n; ++i) {
-    const LabelledState& sample = labelled[random.below(labelled.size())];
+  std::vector<State> states(n);
+  std::vector<std::int64_t> places, rows;  // of the labelled values: row * kActions + action
+  std::vector<float> targets, weights;     // a label's share of its state
+  for (std::size_t row = 0; row < n; ++row) {
+    const LabelledState& sample = labels[random.below(labels.size())];
     const int s = config_.symmetries ? static_cast<int>(random.below(kSymmetries)) : 0;
-    states.push_back(transformed(s, sample.observation.state));
+    states[row] = transformed(s, sample.observation.state);
     for (std::size_t k = 0; k < sample.actions.size(); ++k) {
-      const auto a = static_cast<std::size_t>(transformed_action(s, sample.actions[k]));
-      targets[i * kActions + a] = sample.values[k];
-      weights[i * kActions + a] = 1.0f / static_cast<float>(sample.actions.size());
+      rows.push_back(static_cast<std::int64_t>(row));
+      places.push_back(rows.back() * kActions + transformed_action(s, sample.actions[k]));
+      targets.push_back(sample.values[k]);
+      weights.push_back(1.0f / static_cast<float>(sample.actions.size()));
     }
   }
-  const torch::Tensor q = forward(*online_, states);
-  const torch::Tensor weight = column(weights).view_as(q).to(device_);
-  const torch::Tensor errors =
-      torch::smooth_l1_loss(q, column(targets).view_as(q).to(device_), torch::Reduction::None);
-  return descend((errors * weight).sum() / static_cast<double>(n));
+  std::vector<const State*> pointers;
+  for (const State& state : states) pointers.push_back(&state);
+  const torch::Tensor index = torch::tensor(places, torch::kLong).to(device_);
+  const torch::Tensor row = torch::tensor(rows, torch::kLong).to(device_);
+  const torch::Tensor weight = column(weights).to(device_);
+  const torch::Tensor q = forward(*online_, pointers).flatten().index_select(0, index);
+  const torch::Tensor error = q - column(targets).to(device_);
+  const torch::Tensor shared =
+      torch::zeros({config_.batch}, torch::device(device_)).index_add(0, row, error * weight);
+  const auto size_of = [](const torch::Tensor& e) {
+    return torch::smooth_l1_loss(e, torch::zeros_like(e), torch::Reduction::None);
+  };
+  const torch::Tensor between_goals = size_of(error - shared.index_select(0, row)) * weight;
+  const double loss =
+      descend((between_goals.sum() + config_.shared_weight * size_of(shared).sum()) /
+              static_cast<double>(n));
+  target_->follow(*online_, config_.target_rate);
+  return loss;
 }
 
 double Learner::descend(const torch::Tensor& loss) {
@@ -120,30 +83,53 @@ double Learner::descend(const torch::Tensor& loss) {
   return loss.item<double>();
 }
 
-std::vector<float> Learner::values_of(TorchNetwork& network,
-                                      std::span<const Observation* const> observations) const {
+std::vector<float> Learner::q_values(std::span<const Observation* const> observations) {
   const torch::NoGradGuard no_gradient;
-  std::vector<const State*> states;
-  for (const Observation* observation : observations) states.push_back(&observation->state);
-  const torch::Tensor q =
-      network.forward(network.to_tensor(states).to(device_)).to(torch::kCPU).contiguous();
-  return {q.data_ptr<float>(), q.data_ptr<float>() + q.numel()};
+  std::vector<float> out;
+  for (std::size_t at = 0; at < observations.size(); at += kChunk) {
+    std::vector<const State*> states;
+    for (const Observation* o :
+         observations.subspan(at, std::min(kChunk, observations.size() - at)))
+      states.push_back(&o->state);
+    const torch::Tensor q = forward(*target_, states).to(torch::kCPU).contiguous();
+    out.insert(out.end(), q.data_ptr<float>(), q.data_ptr<float>() + q.numel());
+  }
+  return out;
 }
 
-std::vector<float> Learner::q_values(std::span<const Observation* const> observations) {
-  return values_of(*online_, observations);
+std::vector<float> Learner::state_values(std::span<const Observation* const> observations) {
+  const torch::NoGradGuard no_gradient;
+  std::vector<float> out;
+  for (std::size_t at = 0; at < observations.size(); at += kChunk) {
+    const auto chunk = observations.subspan(at, std::min(kChunk, observations.size() - at));
+    std::vector<const State*> states;
+    for (const Observation* o : chunk) states.push_back(&o->state);
+    const torch::Tensor value = forward(*target_, states).to(torch::kCPU).contiguous();
+    const torch::Tensor chooser =
+        config_.double_q ? forward(*online_, states).to(torch::kCPU).contiguous() : value;
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      const float* row = chooser.data_ptr<float>() + i * kActions;
+      const int best = config_.mask_target
+                           ? best_reachable(*chunk[i], row)
+                           : static_cast<int>(std::max_element(row, row + kActions) - row);
+      out.push_back(best < 0 ? 0.0f : value.data_ptr<float>()[i * kActions + best]);
+    }
+  }
+  return out;
 }
 
 std::vector<int> Learner::best_actions(std::span<const Observation* const> observations) {
-  const std::vector<float> q = values_of(*target_, observations);
-  std::vector<int> best(observations.size(), -1);
+  const std::vector<float> q = q_values(observations);
+  std::vector<int> best;
   for (std::size_t i = 0; i < observations.size(); ++i)
-    for (int a = 0; a < kActions; ++a) {
-      if (!observations[i]->reachable.test(a)) continue;
-      const float* row = q.data() + i * kActions;
-      if (best[i] < 0 || row[a] > row[best[i]]) best[i] = a;
-    }
+    best.push_back(best_reachable(*observations[i], q.data() + i * kActions));
   return best;
+}
+
+void Learner::quantize(const std::vector<double>& activation_scales) {
+  arithmetic_ = Arithmetic::kQuantized;
+  online_->set_activation_scales(activation_scales);
+  target_->set_activation_scales(activation_scales);
 }
 
 void Learner::set_learning_rate(double rate) {

@@ -1,15 +1,15 @@
-// Double DQN on the dense action map: batches from the replay buffer, loss, optimizer, target copy.
+// Regression on labelled states with an averaged target network: loss, optimizer, state values.
 #pragma once
 
 #include <torch/torch.h>
 
 #include <memory>
 #include <span>
-#include <string>
 #include <vector>
 
+#include "host/trainer/label_buffer.h"
 #include "host/trainer/learner_config.h"
-#include "host/trainer/replay_buffer.h"
+#include "host/trainer/resumable_random.h"
 #include "host/trainer/torch_network.h"
 
 namespace ivfm::host {
@@ -19,16 +19,22 @@ class Learner {
   // Starts from the weights of `network`.
   Learner(const FloatNetwork& network, const LearnerConfig& config);
 
-  // One step of gradient descent on double DQN's loss (smooth L1); returns the loss.
-  double learn(const ReplayBuffer& replay, ResumableRandom& random);
-  // One step of regression on labels drawn from `states` (not empty); returns the loss.
-  double imitate(std::span<const LabelledState> states, ResumableRandom& random);
+  // One step of gradient descent on the labels (smooth L1) of states drawn from `labels` (not
+  // empty); returns the loss. The target network follows.
+  double learn(const LabelBuffer& labels, ResumableRandom& random);
 
-  // Q values of the online network: kActions per observation.
+  // Q values of the target network, a moving average that chooses better than the latest weights:
+  // kActions per observation.
   std::vector<float> q_values(std::span<const Observation* const> observations);
-  // The best reachable action of each observation by the target network, whose weights are a moving
-  // average and choose better than the latest ones; -1 where none is reachable.
+  // What each observation is worth (double Q-learning, van Hasselt et al. 2016): the target
+  // network's value of the goal in reach that the online network likes best; 0 without a goal.
+  std::vector<float> state_values(std::span<const Observation* const> observations);
+  // The best reachable action of each observation by the target network; -1 where none is.
   std::vector<int> best_actions(std::span<const Observation* const> observations);
+
+  // From now on the network learns, and answers, as its int8 copy would with these scales
+  // (quantization-aware training, Jacob et al. 2018).
+  void quantize(const std::vector<double>& activation_scales);
 
   void set_learning_rate(double rate);
   void copy_to_target() { target_->follow(*online_, 1.0); }
@@ -42,17 +48,12 @@ class Learner {
   void load(torch::serialize::InputArchive& archive);
 
  private:
-  struct Batch;
-
-  void add(const ReplayBuffer& replay, ResumableRandom& random, Batch& batch) const;
-  std::vector<float> values_of(TorchNetwork& network,
-                               std::span<const Observation* const> observations) const;
+  torch::Tensor forward(TorchNetwork& network, std::span<const State* const> states) const;
   double descend(const torch::Tensor& loss);
-  torch::Tensor forward(TorchNetwork& network, const std::vector<State>& states);
-  torch::Tensor next_values(const std::vector<State>& states, const std::vector<ActionMask>& masks);
 
   LearnerConfig config_;
   torch::Device device_;
+  Arithmetic arithmetic_;
   std::shared_ptr<TorchNetwork> online_;
   std::shared_ptr<TorchNetwork> target_;
   std::unique_ptr<torch::optim::AdamW> optimizer_;

@@ -2,10 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <memory>
 #include <sstream>
 
+#include "firmware/nn/q_network.h"
+#include "host/quantizer/quantizer.h"
 #include "host/trainer/symmetry.h"
 
 namespace ivfm::host {
@@ -25,16 +29,18 @@ Observation random_observation(ResumableRandom& random) {
 // A small network, so that tests that train take seconds.
 FloatNetwork small_network(std::uint64_t seed) {
   NetworkBuilder b(StateKind::kIvfm, "small");
-  const int low = b.conv3x3(b.conv3x3(NetworkBuilder::kInput, 8), 8, 2);
-  const int up = b.upsample2x(b.conv1x1(low, 8, false));
-  FloatNetwork network = b.finish(b.add(up, b.conv1x1(NetworkBuilder::kInput, 8)));
+  const int low = b.conv3x3(b.conv3x3(NetworkBuilder::kInput, 16), 16, 2);
+  const int up = b.upsample2x(b.conv1x1(low, 16, false));
+  FloatNetwork network = b.finish(b.add(up, b.conv1x1(NetworkBuilder::kInput, 16)));
   randomize(network, seed);
   return network;
 }
 
 TEST(TorchNetwork, AgreesWithTheReferenceRunOfTheSameWeights) {
   const FloatNetwork network = make_random_network(11);
-  Learner learner(network, {});
+  LearnerConfig config;
+  config.bfloat16 = false;
+  Learner learner(network, config);
   FloatRunner reference(network);
   ResumableRandom random(3);
   const Observation a = random_observation(random), b = random_observation(random);
@@ -62,90 +68,97 @@ TEST(Learner, NeverChoosesAGoalOutOfReach) {
   EXPECT_EQ(Learner(small_network(1), {}).best_actions(both), (std::vector<int>{500, -1}));
 }
 
-// A bandit: the reward of a goal is the i-VFM value there. One step, so the Q map is the state.
-TEST(Learner, LearnsAOneStepBandit) {
-  ResumableRandom random(21);
-  ReplayBuffer replay(200, 2000);
-  for (int i = 0; i < 200; ++i) {
-    const Observation o = random_observation(random);
-    const ObservationId id = replay.add(o);
-    for (int k = 0; k < 10; ++k) {
-      const auto action = static_cast<std::int32_t>(random.below(kActions));
-      const float value = o.state[static_cast<std::size_t>(action)] / 49152.0f;
-      replay.add(Transition{id, kNoObservation, action, value, 0});
+// The label of a goal is the i-VFM value there, so the Q map is the state.
+LabelBuffer bandit(std::size_t states, ResumableRandom& random) {
+  LabelBuffer labels(states);
+  for (std::size_t i = 0; i < states; ++i) {
+    LabelledState sample;
+    sample.observation = random_observation(random);
+    for (int a = static_cast<int>(random.below(3)); a < kActions; a += 3) {
+      sample.actions.push_back(a);
+      sample.values.push_back(sample.observation.state[static_cast<std::size_t>(a)] / 49152.0f);
     }
+    labels.add(sample);
   }
+  return labels;
+}
+
+class EachArithmetic : public testing::TestWithParam<Arithmetic> {};
+
+TEST_P(EachArithmetic, LearnsTheLabels) {
+  ResumableRandom random(21);
+  const LabelBuffer labels = bandit(200, random);
   LearnerConfig config;
   config.learning_rate = 3e-3;
   config.batch = 16;
-  config.siblings = 5;
-  Learner learner(small_network(2), config);
+  config.bfloat16 = GetParam() == Arithmetic::kBfloat16;
+  const FloatNetwork network = small_network(2);
+  Learner learner(network, config);
+  if (GetParam() == Arithmetic::kQuantized)
+    learner.quantize(std::vector<double>(network.layers.size() + 1, 1.0 / 64));
   double first = 0, last = 0;
   for (int i = 0; i < 200; ++i) {
-    const double loss = learner.learn(replay, random);
+    const double loss = learner.learn(labels, random);
     if (i < 10) first += loss;
     if (i >= 190) last += loss;
   }
   EXPECT_LT(last, 0.1 * first);
 }
 
-// A corridor of two states: the first earns nothing but leads to the second, which earns 1.
-TEST(Learner, PassesValueBackThroughTheMaskedTarget) {
-  Observation first, second;
-  first.state.fill(20480);
-  second.state.fill(49152);
-  second.state[kActions + 700] = 0;  // tells the network this cell from the others
-  first.reachable.set(40);
-  second.reachable.set(200);
-  ReplayBuffer replay(2, 100);
-  const ObservationId a = replay.add(first), b = replay.add(second);
-  replay.add(Transition{a, b, 40, 0.0f, 0.5f});
-  replay.add(Transition{b, kNoObservation, 200, 1.0f, 0});
-  // An action out of reach looks better; the target must not follow it.
-  replay.add(Transition{b, kNoObservation, 700, 5.0f, 0});
-  LearnerConfig config;
-  config.batch = 6;
-  config.learning_rate = 3e-3;
-  config.target_rate = 0.05;
-  config.symmetries = false;
-  Learner learner(small_network(4), config);
-  ResumableRandom random(5);
-  for (int i = 0; i < 200; ++i) learner.learn(replay, random);
-  const Observation* both[] = {&first, &second};
-  const std::vector<float> q = learner.q_values(both);
-  EXPECT_NEAR(q[kActions + 200], 1.0f, 0.1f);
-  EXPECT_NEAR(q[40], 0.5f, 0.1f);
-}
+INSTANTIATE_TEST_SUITE_P(Learner, EachArithmetic,
+                         testing::Values(Arithmetic::kFloat, Arithmetic::kBfloat16,
+                                         Arithmetic::kQuantized));
 
-TEST(Learner, ImitatesLabels) {
-  ResumableRandom random(31);
-  std::vector<LabelledState> labelled(200);
-  for (LabelledState& sample : labelled) {
-    sample.observation = random_observation(random);
-    for (int a = 0; a < kActions; a += 3) {
-      sample.actions.push_back(a);
-      sample.values.push_back(sample.observation.state[static_cast<std::size_t>(a)] / 49152.0f);
+// Quantization-aware training is worth something only when it rounds as the robot does.
+TEST(TorchNetwork, RoundsAsTheInt8Network) {
+  const FloatNetwork network = small_network(7);  // deep ones amplify last bits
+  const std::vector<std::uint16_t> states = make_example_states(1, 40);
+  const std::vector<std::uint8_t> model = quantize(network, states, {.correct_bias = false});
+  const auto int8 = std::make_unique<QNetwork>();
+  ASSERT_EQ(int8->load(model).status, Status::kOk);
+  LearnerConfig config;
+  config.bfloat16 = false;
+  Learner exact(network, config), rounding(network, config);
+  rounding.quantize(activation_scales(network, states));
+  const double scale = std::bit_cast<float>(int8->model().output_scale_f32_bits);
+  double float_error = 0, rounded_error = 0;
+  for (std::size_t n = 0; n < 40; ++n) {
+    Observation o;
+    std::copy_n(states.begin() + static_cast<std::ptrdiff_t>(n * o.state.size()), o.state.size(),
+                o.state.begin());
+    const Observation* one[] = {&o};
+    const std::vector<float> floats = exact.q_values(one), rounded = rounding.q_values(one);
+    const std::span<const std::int32_t> actual = int8->run(o.state);
+    for (std::size_t i = 0; i < kActions; ++i) {
+      const double q = actual[i] * scale;
+      float_error += std::abs(q - static_cast<double>(floats[i]));
+      rounded_error += std::abs(q - static_cast<double>(rounded[i]));
     }
   }
-  LearnerConfig config;
-  config.learning_rate = 3e-3;
-  config.batch = 16;
-  Learner learner(small_network(2), config);
-  double first = learner.imitate(labelled, random), last = 0;
-  for (int i = 0; i < 200; ++i) last = learner.imitate(labelled, random);
-  EXPECT_LT(last, 0.1 * first);
+  EXPECT_LT(rounded_error, 0.1 * float_error);
+}
+
+TEST(Learner, ValuesAStateByItsBestGoalInReach) {
+  ResumableRandom random(4);
+  Observation o = random_observation(random);
+  const Observation* one[] = {&o};
+  Learner learner(small_network(4), {});
+  const std::vector<float> q = learner.q_values(one);
+  o.reachable = {};
+  o.reachable.set(40);
+  EXPECT_EQ(learner.state_values(one), std::vector<float>{q[40]});
+  o.reachable.set(41);
+  EXPECT_EQ(learner.state_values(one), std::vector<float>{std::max(q[40], q[41])});
+  o.reachable = {};
+  EXPECT_EQ(learner.state_values(one), std::vector<float>{0.0f});
 }
 
 TEST(Learner, ContinuesIdenticallyFromACheckpoint) {
   ResumableRandom random(8);
-  ReplayBuffer replay(50, 50);
-  for (int i = 0; i < 50; ++i) {
-    const ObservationId id = replay.add(random_observation(random));
-    if (id > 0) replay.add(Transition{id - 1, id, i, static_cast<float>(i % 3), 0.9f});
-  }
+  const LabelBuffer labels = bandit(50, random);
   const auto losses = [&](Learner& learner, ResumableRandom& r, int steps) {
     std::vector<double> out;
-    for (int i = 0; i < steps; ++i) out.push_back(learner.learn(replay, r));
+    for (int i = 0; i < steps; ++i) out.push_back(learner.learn(labels, r));
     return out;
   };
   Learner learner(small_network(1), {});

@@ -40,22 +40,57 @@ TorchNetwork::TorchNetwork(const FloatNetwork& network)
   }
 }
 
-torch::Tensor TorchNetwork::forward(const torch::Tensor& states) {
-  std::vector<torch::Tensor> tensors = {states};
+torch::Tensor TorchNetwork::forward(const torch::Tensor& states, Arithmetic arithmetic) {
+  const bool quantized = arithmetic == Arithmetic::kQuantized;
+  std::vector<torch::Tensor> tensors = {quantized ? rounded(0, states, false) : states};
   for (std::size_t i = 0; i < network_.layers.size(); ++i) {
     const FloatLayer& layer = network_.layers[i];
+    const bool is_head = i + 1 == network_.layers.size();
     const torch::Tensor& a = tensors[static_cast<std::size_t>(layer.input_a)];
     torch::Tensor out;
     if (is_convolution(layer)) {
-      out = convolutions_[convolution_of_layer_[i]]->forward(a);
+      const bool in_float = is_head && arithmetic == Arithmetic::kBfloat16;
+      out = convolve(i, a, in_float ? Arithmetic::kFloat : arithmetic);
     } else if (layer.kind == LayerKind::kUpsample2x) {
       out = torch::upsample_nearest2d(a, c10::nullopt, std::vector<double>{2.0, 2.0});
     } else {
       out = a + tensors[static_cast<std::size_t>(layer.input_b)];
     }
-    tensors.push_back(layer.relu ? torch::relu(out) : out);
+    if (layer.relu) out = torch::relu(out);
+    if (quantized && !is_head && layer.kind != LayerKind::kUpsample2x)
+      out = rounded(i + 1, out, !layer.relu);
+    tensors.push_back(out);
   }
   return tensors.back().flatten(1);
+}
+
+torch::Tensor TorchNetwork::convolve(std::size_t layer, const torch::Tensor& input,
+                                     Arithmetic arithmetic) {
+  const FloatLayer& l = network_.layers[layer];
+  const torch::nn::Conv2d& convolution = convolutions_[convolution_of_layer_[layer]];
+  const std::int64_t side = l.kind == LayerKind::kConv3x3 ? 3 : 1;
+  const auto run = [&](const torch::Tensor& x, const torch::Tensor& w, const torch::Tensor& b) {
+    return torch::conv2d(x, w, b, l.stride, side / 2);
+  };
+  if (arithmetic == Arithmetic::kBfloat16) {
+    return run(input.to(torch::kBFloat16), convolution->weight.to(torch::kBFloat16),
+               convolution->bias.to(torch::kBFloat16));
+  }
+  if (arithmetic == Arithmetic::kFloat) {
+    return run(input.to(torch::kFloat), convolution->weight, convolution->bias);
+  }
+  const torch::Tensor& weight = convolution->weight;
+  const torch::Tensor scale = weight.detach().abs().amax({1, 2, 3}, true).clamp_min(1e-12) / 127;
+  const torch::Tensor steps = torch::round(weight.detach() / scale) * scale;
+  return run(input, weight + (steps - weight.detach()), convolution->bias);
+}
+
+// Rounds to the tensor's int8 steps; gradients pass as if it had only been clipped.
+torch::Tensor TorchNetwork::rounded(std::size_t tensor, const torch::Tensor& values,
+                                    bool is_signed) const {
+  const double step = scales_.at(tensor);
+  const torch::Tensor clipped = values.clamp(is_signed ? -127 * step : 0, 127 * step);
+  return clipped + (torch::round(clipped.detach() / step) * step - clipped.detach());
 }
 
 torch::Tensor TorchNetwork::to_tensor(std::span<const State* const> states) const {

@@ -1,5 +1,6 @@
 #include "host/trainer/trainer.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -7,6 +8,7 @@
 #include <fstream>
 #include <limits>
 #include <numbers>
+#include <span>
 #include <stdexcept>
 
 #include "host/quantizer/quantizer.h"
@@ -17,12 +19,21 @@ namespace ivfm::host {
 namespace {
 
 constexpr double kEmpty = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoScore = -1e9;
 constexpr int kCalibrationStates = 512;
+constexpr int kScaleStates = 128;    // for the scales of quantization-aware training ...
+constexpr int kScaleSteps = 500;     // ... which are found anew so often
 constexpr int kEvaluationCap = 150;  // actions per agent
 
 FloatNetwork first_network(const TrainerConfig& config) {
   if (!config.init.empty()) return load_network(config.init);
   return make_random_network(config.seed);
+}
+
+// States to try goals in before the first step of learning.
+std::size_t first_states(const TrainerConfig& config) {
+  return std::min<std::size_t>(config.replay_states,
+                               40 * static_cast<std::size_t>(config.environments));
 }
 
 // One number that grows with a better policy: the paper's three aims, each as a share of the goal
@@ -58,8 +69,8 @@ Trainer::Trainer(const TrainerConfig& config, Report report)
       report_(std::move(report)),
       random_(config.seed),
       learner_(std::make_unique<Learner>(first_network(config), config.learner)),
-      replay_(config.replay_observations, config.replay_transitions),
-      collector_(config_, replay_) {
+      labels_(config.replay_states),
+      collector_(config_) {
   torch::set_num_threads(config.threads);
   if (!config_.fresh && std::filesystem::exists(path("checkpoint.pt"))) load_checkpoint();
   write_atomically(path("config.toml"), [this](const std::string& temporary) {
@@ -75,57 +86,10 @@ Trainer::Trainer(const TrainerConfig& config, Report report)
 Trainer::~Trainer() = default;
 
 bool Trainer::run(const std::atomic<bool>& stop) {
-  if (!imitated_ && !imitate(stop)) return false;
   collector_.restart(random_);
-  const bool done = reinforce(stop);
-  if (saved_step_ != step_) save_checkpoint();
-  curves_->plot(path("curves.svg"));
-  return done;
-}
-
-// Regression on the rewards of single moves: the network becomes a one-move planner.
-bool Trainer::imitate(const std::atomic<bool>& stop) {
-  if (config_.imitation_steps == 0) return imitated_ = true;
-  collector_.restart(random_);
-  int reported = 0;
-  const auto states = collector_.label_states(
-      config_.imitation_states, config_.imitation_labels, random_, [&](int done) {
-        if (done >= reported) {
-          report_("labelled " + std::to_string(done) + " of " +
-                  std::to_string(config_.imitation_states) + " states");
-          reported = done + 1024;
-        }
-        return !stop;
-      });
-  for (int i = 0; i < config_.imitation_steps && !stop; ++i) {
-    const double progress = static_cast<double>(i) / config_.imitation_steps;
-    learner_->set_learning_rate(config_.learner.learning_rate *
-                                (0.05 + 0.475 * (1 + std::cos(std::numbers::pi * progress))));
-    loss_sum_ += learner_->imitate(states, random_);
-    if (++losses_ < config_.report_every) continue;
-    report_("imitation step " + std::to_string(i + 1) + " of " +
-            std::to_string(config_.imitation_steps) + ", loss " +
-            std::to_string(loss_sum_ / losses_));
-    loss_sum_ = losses_ = 0;
-  }
-  loss_sum_ = losses_ = 0;
-  if (stop) return false;
-  learner_->copy_to_target();
-  imitated_ = true;
-  evaluate();
-  save_network("imitation.fnet");
-  save_checkpoint();
-  return true;
-}
-
-void Trainer::warm_up(const std::atomic<bool>& stop) {
-  while (!stop && static_cast<int>(replay_.transitions()) < config_.warmup_actions)
-    collector_.collect(q_values(), epsilon(), random_);
-}
-
-bool Trainer::reinforce(const std::atomic<bool>& stop) {
-  warm_up(stop);
+  if (labels_.size() == 0) fill(first_states(config_), stop);
   while (!stop && step_ < config_.steps) {
+    begin_phase(stop);
     learn_once();
     if (step_ % config_.report_every == 0) report_progress(loss_sum_ / losses_);
     if (step_ % config_.evaluate_every == 0) evaluate();
@@ -134,15 +98,56 @@ bool Trainer::reinforce(const std::atomic<bool>& stop) {
       collector_.restart(random_);  // a resumed run does the same
     }
   }
+  if (saved_step_ != step_) save_checkpoint();
+  curves_->plot(path("curves.svg"));
   return step_ >= config_.steps;
+}
+
+// What changes when one way of learning follows another.
+void Trainer::begin_phase(const std::atomic<bool>& stop) {
+  if (step_ > 0 && step_ == config_.one_move_steps) {
+    report_("from here on goals are worth what follows them, too");
+    learner_->copy_to_target();
+    labels_.clear();
+    fill(first_states(config_), stop);
+  }
+  const bool renew_scales = (config_.steps - step_) % kScaleSteps == 0 ||
+                            step_ == config_.steps - config_.quantized_steps || !scaled_;
+  if (!is_quantized() || !renew_scales) return;
+  if (step_ == config_.steps - config_.quantized_steps) {
+    report_("from here on the network rounds as in int8");
+    best_score_ = kNoScore;
+  }
+  learner_->quantize(activation_scales(learner_->to_float_network(), example_states(kScaleStates)));
+  scaled_ = true;
+}
+
+void Trainer::fill(std::size_t states, const std::atomic<bool>& stop) {
+  report_("trying " + std::to_string(config_.labels) + " goals in each of " +
+          std::to_string(states) + " states");
+  while (labels_.size() < states && !stop) collect();
+  owed_states_ = 0;
+}
+
+void Trainer::collect() {
+  const QValues q_values = [this](std::span<const Observation* const> observations) {
+    return learner_->q_values(observations);
+  };
+  const StateValues state_values = [this](std::span<const Observation* const> observations) {
+    return looks_ahead() ? learner_->state_values(observations)
+                         : std::vector<float>(observations.size(), 0.0f);
+  };
+  for (LabelledState& state : collector_.collect(q_values, state_values, epsilon())) {
+    labels_.add(std::move(state));
+    owed_states_ -= 1;
+  }
 }
 
 void Trainer::learn_once() {
   const auto begin = std::chrono::steady_clock::now();
-  for (collected_ += config_.actions_per_step; collected_ > 0;)
-    collected_ -= std::max(1, collector_.collect(q_values(), epsilon(), random_));
+  for (owed_states_ += config_.states_per_step; owed_states_ > 0;) collect();
   learner_->set_learning_rate(learning_rate());
-  loss_sum_ += learner_->learn(replay_, random_);
+  loss_sum_ += learner_->learn(labels_, random_);
   ++losses_;
   ++step_;
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
@@ -160,12 +165,6 @@ void Trainer::report_progress(double loss) {
                 step_seconds_ * static_cast<double>(config_.steps - step_) / 60);
   report_(line);
   loss_sum_ = losses_ = 0;
-}
-
-QValues Trainer::q_values() {
-  return [this](std::span<const Observation* const> observations) {
-    return learner_->q_values(observations);
-  };
 }
 
 Policy Trainer::policy() {
@@ -195,10 +194,10 @@ void Trainer::save_network(const std::string& name) const {
 }
 
 void Trainer::save_checkpoint() {
-  const std::string replay_name = "replay-" + std::to_string(step_) + ".bin";
-  write_atomically(path(replay_name), [this](const std::string& temporary) {
+  const std::string labels_name = "labels-" + std::to_string(step_) + ".bin";
+  write_atomically(path(labels_name), [this](const std::string& temporary) {
     std::ofstream out(temporary, std::ios::binary);
-    replay_.save(out);
+    labels_.save(out);
     if (!out.flush()) throw std::runtime_error("disk full or folder not writable");
   });
   write_atomically(path("checkpoint.pt"), [this](const std::string& temporary) {
@@ -206,14 +205,13 @@ void Trainer::save_checkpoint() {
     learner_->save(archive);
     archive.write("step", word(static_cast<std::uint64_t>(step_)));
     archive.write("random", word(random_.state()));
-    archive.write("imitated", word(imitated_ ? 1 : 0));
-    archive.write("collected", torch::tensor({collected_}, torch::kFloat64));
+    archive.write("owed_states", torch::tensor({owed_states_}, torch::kFloat64));
     archive.write("best_score", torch::tensor({best_score_}, torch::kFloat64));
     archive.save_to(temporary);
   });
   for (const auto& file : std::filesystem::directory_iterator(config_.out)) {
     const std::string name = file.path().filename().string();
-    if (name.starts_with("replay-") && name != replay_name) std::filesystem::remove(file.path());
+    if (name.starts_with("labels-") && name != labels_name) std::filesystem::remove(file.path());
   }
   saved_step_ = step_;
 }
@@ -225,19 +223,18 @@ void Trainer::load_checkpoint() {
     learner_->load(archive);
     step_ = static_cast<long>(read_word(archive, "step"));
     random_.set_state(read_word(archive, "random"));
-    imitated_ = read_word(archive, "imitated") != 0;
     torch::Tensor value;
-    archive.read("collected", value);
-    collected_ = value.item<double>();
+    archive.read("owed_states", value);
+    owed_states_ = value.item<double>();
     archive.read("best_score", value);
     best_score_ = value.item<double>();
   } catch (const c10::Error& e) {
     throw std::runtime_error(path("checkpoint.pt") +
                              ": not a checkpoint of this network; --fresh starts anew");
   }
-  std::ifstream in(path("replay-" + std::to_string(step_) + ".bin"), std::ios::binary);
-  if (!in) throw std::runtime_error(config_.out + ": the checkpoint's replay file is missing");
-  replay_.load(in);
+  std::ifstream in(path("labels-" + std::to_string(step_) + ".bin"), std::ios::binary);
+  if (!in) throw std::runtime_error(config_.out + ": the checkpoint's labels are missing");
+  labels_.load(in);
   saved_step_ = step_;
   report_("continuing from step " + std::to_string(step_));
 }
@@ -255,20 +252,24 @@ double Trainer::learning_rate() const {
   return low + (high - low) * 0.5 * (1 + std::cos(std::numbers::pi * progress));
 }
 
+// States of the remembered ones, one after the other.
+std::vector<std::uint16_t> Trainer::example_states(int count) {
+  ResumableRandom random(config_.seed);
+  std::vector<std::uint16_t> examples;
+  for (int i = 0; i < count; ++i) {
+    const State& s = labels_[random.below(labels_.size())].observation.state;
+    examples.insert(examples.end(), s.begin(), s.end());
+  }
+  return examples;
+}
+
 void Trainer::export_model() {
   const bool has_best = std::filesystem::exists(path("best.fnet"));
   const FloatNetwork network = load_network(path(has_best ? "best.fnet" : "last.fnet"));
   learner_->load_weights(network);
-  collector_.restart(random_);
-  ReplayBuffer& states = replay_;
-  std::vector<std::uint16_t> examples;
-  for (int held = 0; held < 2 * kCalibrationStates;)
-    held += std::max(1, collector_.collect(q_values(), 0.05, random_));
-  for (int i = 0; i < kCalibrationStates; ++i) {
-    const State& s = states.observation(states.sample_observation(random_)).state;
-    examples.insert(examples.end(), s.begin(), s.end());
-  }
-  const std::vector<std::uint8_t> model = quantize(network, examples);
+  const std::vector<std::uint16_t> examples = example_states(kCalibrationStates);
+  const std::vector<std::uint8_t> model =
+      quantize(network, examples, {.correct_bias = config_.quantized_steps == 0});
   const QuantizationReport report = compare(network, model, examples);
   write_atomically(path("model.ivfm"), [&](const std::string& temporary) {
     std::ofstream out(temporary, std::ios::binary);

@@ -1,14 +1,16 @@
-// A training run: imitation of a one-move planner, then double DQN; curves, checkpoints, networks.
+// A training run: fitted double Q-learning on goals tried in copies; curves, checkpoints, networks.
 #pragma once
 
 #include <atomic>
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "host/trainer/collector.h"
 #include "host/trainer/curve_log.h"
 #include "host/trainer/evaluation.h"
+#include "host/trainer/label_buffer.h"
 #include "host/trainer/trainer_config.h"
 
 namespace ivfm::host {
@@ -18,7 +20,7 @@ class Learner;
 // Writes into config.out:
 //   config.toml      the run's options
 //   curves.csv/.svg  loss, reward and validation scores
-//   checkpoint.pt    everything needed to go on (with replay-<step>.bin)
+//   checkpoint.pt    everything needed to go on (with labels-<step>.bin)
 //   best.fnet        the network with the best validation score; last.fnet the newest
 //   model.ivfm       best.fnet in int8
 class Trainer {
@@ -40,10 +42,13 @@ class Trainer {
   long step() const { return step_; }
 
  private:
-  bool imitate(const std::atomic<bool>& stop);
-  bool reinforce(const std::atomic<bool>& stop);
-  void warm_up(const std::atomic<bool>& stop);
+  bool looks_ahead() const { return step_ >= config_.one_move_steps; }
+  bool is_quantized() const { return step_ >= config_.steps - config_.quantized_steps; }
+  void collect();
+  void fill(std::size_t states, const std::atomic<bool>& stop);
+  void begin_phase(const std::atomic<bool>& stop);
   void learn_once();
+  std::vector<std::uint16_t> example_states(int count);
   void report_progress(double loss);
   void evaluate();
   void save_network(const std::string& name) const;
@@ -52,22 +57,21 @@ class Trainer {
   double epsilon() const;
   double learning_rate() const;
   Policy policy();
-  QValues q_values();
   std::string path(const std::string& name) const { return config_.out + "/" + name; }
 
   TrainerConfig config_;
   Report report_;
   ResumableRandom random_;
   std::unique_ptr<Learner> learner_;
-  ReplayBuffer replay_;
+  LabelBuffer labels_;
   Collector collector_;
   std::unique_ptr<CurveLog> curves_;
   long step_ = 0;
-  double collected_ = 0;  // actions
+  double owed_states_ = 0;  // to be collected before the next step
   double best_score_ = -1e9;
+  bool scaled_ = false;  // the network knows the scales to round with
   double loss_sum_ = 0;
   int losses_ = 0;
-  bool imitated_ = false;
   long saved_step_ = -1;  // step of the checkpoint on disk
   double step_seconds_ = 0;
 };

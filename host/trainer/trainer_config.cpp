@@ -74,21 +74,20 @@ std::string to_toml(const TrainerConfig& config) {
 }
 
 void check(const TrainerConfig& c) {
-  require(c.steps >= 0 && c.imitation_steps >= 0, "run.steps and imitation.steps: 0 or more");
+  const auto is_share = [](double v) { return v > 0 && v <= 1; };
+  require(c.steps >= 0 && c.one_move_steps >= 0 && c.quantized_steps >= 0,
+          "run.steps, run.one_move_steps and run.quantized_steps: 0 or more");
   require(c.threads >= 1, "run.threads: 1 or more");
-  require(c.environments >= 1, "collect.environments: 1 or more");
-  require(c.learner.batch >= 1 && c.learner.siblings >= 1,
-          "learning.batch and learning.siblings: 1 or more");
-  require(c.n_step >= 1, "learning.n_step: 1 or more");
-  require(c.action_discount >= 0 && c.action_discount <= 1 && c.distance_discount > 0 &&
-              c.distance_discount <= 1,
-          "learning.action_discount and learning.distance_discount: from 0 to 1");
-  require(c.replay_observations >= 1000 && c.replay_transitions >= 1000,
-          "replay.observations and replay.transitions: 1000 or more");
+  require(c.environments >= 1 && c.labels >= 1, "collect.environments, collect.labels: 1 or more");
+  require(c.states_per_step > 0, "collect.states_per_step: more than 0");
+  require(c.learner.batch >= 1, "learning.batch: 1 or more");
+  require(is_share(c.arena_discount.action) && is_share(c.arena_discount.distance) &&
+              is_share(c.building_discount.action) && is_share(c.building_discount.distance),
+          "discounts: more than 0, at most 1");
+  require(c.replay_states >= static_cast<std::size_t>(c.environments),
+          "collect.replay_states: at least collect.environments");
   require(c.report_every >= 1 && c.evaluate_every >= 1 && c.checkpoint_every >= 1,
           "run.report_every, run.evaluate_every, run.checkpoint_every: 1 or more");
-  require(c.imitation_steps == 0 || (c.imitation_states >= 1 && c.imitation_labels >= 1),
-          "imitation.states and imitation.labels: 1 or more when imitation.steps is not 0");
   require(c.reward.unit_cells > 0, "reward.unit_cells: more than 0");
   require(c.worlds.max_agents >= 1 && c.worlds.max_agents <= 8, "worlds.max_agents: 1 to 8");
   const WorldMix& w = c.worlds;

@@ -9,7 +9,7 @@
 
 namespace ivfm::host {
 
-// Shares of the episodes; they need not sum to 1.
+// Shares of the streams of episodes, so of the states; they need not sum to 1.
 struct WorldMix {
   double arena_1x = 1.0;
   double arena_2x = 0.0;
@@ -33,6 +33,13 @@ struct RewardConfig {
   double idle = 2.0;        // cost of an action that did not move the robot
 };
 
+// What the future counts less for: a factor for each action, and one for each 8 policy cells driven
+// (0.25 m in the arenas).
+struct DiscountConfig {
+  double action = 0.9;
+  double distance = 1.0;
+};
+
 struct TrainerConfig {
   std::string out = "out/train";
   std::string init;  // .fnet to start from instead of random weights
@@ -40,27 +47,22 @@ struct TrainerConfig {
   int threads = 1;
   bool fresh = false;  // ignore a checkpoint in `out`
 
-  int imitation_states = 0;
-  int imitation_labels = 48;
-  int imitation_steps = 0;
-
   int steps = 20'000;
-  int warmup_actions = 2'000;
+  int one_move_steps = 0;   // at the start: goals are worth their own reward only
+  int quantized_steps = 0;  // at the end: as the int8 network rounds
+
   int environments = 16;
-  double actions_per_step = 8;
-  double branch_chance = 0.0;  // share of the visited states whose other actions are tried too
-  int branches = 8;            // tried actions of such a state
-  std::size_t replay_observations = 100'000;
-  std::size_t replay_transitions = 100'000;
+  int labels = 24;                    // goals tried in every state
+  double states_per_step = 4;         // new ones for each step of learning
+  std::size_t replay_states = 6'000;  // remembered
 
   double learning_rate_end = 1e-4;
-  int n_step = 3;
-  double action_discount = 0.92;   // of what comes after an action
-  double distance_discount = 1.0;  // and for each 8 policy cells driven (0.25 m in the arenas)
+  DiscountConfig arena_discount{0.9, 1.0};
+  DiscountConfig building_discount{0.98, 0.9};
   double epsilon_start = 0.3;
   double epsilon_end = 0.05;
   int epsilon_steps = 5'000;
-  double temperature = 0.1;  // of the softmax over Q that picks the other actions; 0: the best
+  double temperature = 0.1;  // of the softmax over Q that picks likely goals; 0: the best
 
   int report_every = 100;
   int evaluate_every = 1'000;
@@ -81,14 +83,13 @@ void visit_options(Config& c, Visit&& visit) {
   visit("run.seed", c.seed, "seed of weights, worlds and choices");
   visit("run.threads", c.threads, "processor threads");
   visit("run.fresh", c.fresh, "start anew even when the folder holds a checkpoint");
-  visit("run.steps", c.steps, "steps of reinforcement learning");
+  visit("run.steps", c.steps, "steps of learning in all");
+  visit("run.one_move_steps", c.one_move_steps, "first of them, with goals worth their own reward");
+  visit("run.quantized_steps", c.quantized_steps, "last of them, rounding as the int8 network");
   visit("run.report_every", c.report_every, "steps between rows of the curves");
   visit("run.evaluate_every", c.evaluate_every, "steps between evaluations");
   visit("run.evaluation_episodes", c.evaluation_episodes, "episodes of an evaluation");
   visit("run.checkpoint_every", c.checkpoint_every, "steps between checkpoints");
-  visit("imitation.states", c.imitation_states, "states labelled by trying actions in copies");
-  visit("imitation.labels", c.imitation_labels, "actions tried in each of these states");
-  visit("imitation.steps", c.imitation_steps, "steps of regression on these labels");
   visit("worlds.arena_1x", c.worlds.arena_1x, "share of 3 x 3 m arenas");
   visit("worlds.arena_2x", c.worlds.arena_2x, "share of 4.2 x 4.2 m arenas");
   visit("worlds.divider", c.worlds.divider, "share of arenas with the paper's strip");
@@ -106,29 +107,28 @@ void visit_options(Config& c, Visit&& visit) {
   visit("reward.collision", c.reward.collision, "cost of a contact");
   visit("reward.idle", c.reward.idle, "cost of an action that does not move the robot");
   visit("learning.batch", c.learner.batch, "states of a step");
-  visit("learning.siblings", c.learner.siblings, "tried actions of a state learned together");
   visit("learning.rate", c.learner.learning_rate, "learning rate at the start");
   visit("learning.rate_end", c.learning_rate_end, "learning rate at the end (cosine between)");
   visit("learning.weight_decay", c.learner.weight_decay, "decoupled weight decay");
   visit("learning.gradient_clip", c.learner.gradient_clip, "largest norm of the gradient");
+  visit("learning.shared_weight", c.learner.shared_weight, "of errors that a state's goals share");
   visit("learning.target_rate", c.learner.target_rate, "share of the weights the target takes");
-  visit("learning.double_q", c.learner.double_q, "the online network picks the target's action");
+  visit("learning.double_q", c.learner.double_q, "the online network picks the target's goal");
   visit("learning.mask_target", c.learner.mask_target, "targets leave out unreachable goals");
   visit("learning.symmetries", c.learner.symmetries, "show samples under random symmetries");
-  visit("learning.n_step", c.n_step, "actions whose rewards a sample sums");
-  visit("learning.action_discount", c.action_discount, "discount of an action");
-  visit("learning.distance_discount", c.distance_discount, "discount of 8 policy cells driven");
+  visit("learning.bfloat16", c.learner.bfloat16, "16-bit arithmetic with 32-bit weights");
+  visit("discount.arena_action", c.arena_discount.action, "of an action, in arenas");
+  visit("discount.arena_distance", c.arena_discount.distance, "of 8 policy cells, in arenas");
+  visit("discount.building_action", c.building_discount.action, "of an action, in buildings");
+  visit("discount.building_distance", c.building_discount.distance, "of 8 policy cells, there");
   visit("collect.environments", c.environments, "episodes that run side by side");
-  visit("collect.warmup_actions", c.warmup_actions, "actions before the first step");
-  visit("collect.actions_per_step", c.actions_per_step, "actions for each step of learning");
-  visit("collect.branch_chance", c.branch_chance, "share of states whose other actions are tried");
-  visit("collect.branches", c.branches, "other actions tried in such a state");
+  visit("collect.labels", c.labels, "goals tried in every state");
+  visit("collect.states_per_step", c.states_per_step, "new states for each step of learning");
+  visit("collect.replay_states", c.replay_states, "states remembered (4 KiB each)");
   visit("collect.epsilon_start", c.epsilon_start, "share of random actions at the start");
   visit("collect.epsilon_end", c.epsilon_end, "share of random actions later");
   visit("collect.epsilon_steps", c.epsilon_steps, "steps from the one to the other");
-  visit("collect.temperature", c.temperature, "softmax temperature of the other actions; 0: best");
-  visit("replay.observations", c.replay_observations, "states remembered (4 KiB each)");
-  visit("replay.transitions", c.replay_transitions, "transitions remembered");
+  visit("collect.temperature", c.temperature, "softmax temperature of likely goals; 0: the best");
 }
 
 // Reads a TOML file into `config`; options it does not name keep their values. Throws

@@ -33,7 +33,7 @@ TEST_F(TrainerConfigTest, ReadsWhatAFileNamesAndKeepsTheRest) {
   EXPECT_EQ(config.learner.learning_rate, 2.0);
   EXPECT_EQ(config.out, "x");
   EXPECT_TRUE(config.fresh);
-  EXPECT_EQ(config.n_step, TrainerConfig().n_step);
+  EXPECT_EQ(config.labels, TrainerConfig().labels);
 }
 
 TEST_F(TrainerConfigTest, ComesBackFromItsOwnText) {
@@ -70,7 +70,7 @@ TEST_F(TrainerConfigTest, RefusesValuesOutOfRange) {
   config.worlds.arena_1x = 0;
   EXPECT_THROW(check(config), std::invalid_argument);
   config = {};
-  config.action_discount = 1.5;
+  config.arena_discount.action = 1.5;
   EXPECT_THROW(check(config), std::invalid_argument);
 }
 

@@ -16,18 +16,18 @@ TrainerConfig tiny_config(const std::string& name) {
   c.out = testing::TempDir() + "trainer_test_" + name;
   std::filesystem::remove_all(c.out);
   c.steps = 6;
-  c.warmup_actions = 12;
+  c.one_move_steps = 2;
+  c.quantized_steps = 2;
   c.environments = 2;
-  c.actions_per_step = 2;
-  c.branch_chance = 0.5;
-  c.branches = 2;
-  c.replay_observations = c.replay_transitions = 1000;
+  c.threads = 2;
+  c.labels = 2;
+  c.states_per_step = 2;
+  c.replay_states = 8;
   c.report_every = 1;
   c.checkpoint_every = 3;
   c.evaluate_every = 1000;
   c.evaluation_episodes = 1;
   c.learner.batch = 2;
-  c.learner.siblings = 2;
   return c;
 }
 
@@ -51,12 +51,10 @@ TEST(Trainer, ContinuesFromACheckpointWithTheSameLosses) {
   EXPECT_EQ(content(parts.out + "/curves.csv"), content(whole.out + "/curves.csv"));
 }
 
-TEST(Trainer, ImitatesEvaluatesAndExportsAModelFile) {
+TEST(Trainer, EvaluatesAndExportsAModelFile) {
   TrainerConfig config = tiny_config("export");
-  config.steps = 1;
-  config.imitation_states = 4;
-  config.imitation_labels = 3;
-  config.imitation_steps = 2;
+  config.steps = 3;
+  config.evaluate_every = 3;
   Trainer trainer(config, [](const std::string&) {});
   EXPECT_TRUE(trainer.run(kNever));
   EXPECT_TRUE(std::filesystem::exists(config.out + "/best.fnet"));
@@ -78,8 +76,7 @@ TEST(Trainer, RefusesADamagedCheckpointAndAFolderItCannotWrite) {
 TEST(Reward, CountsPolicyCellsDistanceAndMishaps) {
   TrainerConfig config;
   config.reward = {100, 0.5, 0.25, 0.125, 4, 8};
-  config.action_discount = 0.5;
-  config.distance_discount = 0.25;
+  config.arena_discount = {0.5, 0.25};
   const ExplorationEnvironment arena(EnvironmentConfig::arena());
   StepResult result;
   result.newly_seen_cells = 400;
