@@ -21,6 +21,7 @@ struct FrontierGoal {
   Cell frontier;
   Cell stand;               // reachable, within `stand_off` cells of the frontier
   std::uint16_t path_cost;  // from the robot to `stand`, see ShortestPathMap
+  bool operator==(const FrontierGoal&) const = default;
 };
 
 // The frontier in `rect` whose standing place costs least to reach by the last computed shortest

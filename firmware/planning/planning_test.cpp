@@ -80,6 +80,31 @@ TEST(Frontier, SpecksAreNotWide) {
   EXPECT_EQ(nearest_frontier(world.map, world.paths, world.region, 1, 3)->frontier.x, 6);
 }
 
+TEST(RichestRegion, WeighsWhatIsUnseenAgainstTheWayThere) {
+  Drawn world({"........            ",  //
+               ".  .....            ",  // two unseen cells close by, many further on
+               ".  .....            ",  //
+               "........            "});
+  world.paths.compute(world.map, {0, 0}, world.region);
+  EXPECT_EQ(count_reachable_unseen(world.map, world.paths, world.region), 4 + 4 * 12);
+  const auto all = richest_region(world.map, world.paths, 4, 1);
+  ASSERT_TRUE(all.has_value());
+  EXPECT_EQ(all->frontier.x, 9) << "the first region that is all unseen, not the pocket";
+  EXPECT_EQ(richest_region(world.map, world.paths, 4, 17), std::nullopt) << "a region holds 16";
+}
+
+TEST(RichestRegion, LeavesOutWhatIsOutOfReachOrGivenUp) {
+  Drawn world({".....#    ",  //
+               ".  ..#    ",  //
+               ".....#    "});
+  world.paths.compute(world.map, {0, 0}, world.region);
+  EXPECT_EQ(count_reachable_unseen(world.map, world.paths, world.region), 2);
+  EXPECT_EQ(richest_region(world.map, world.paths, 4, 1)->frontier, (Cell{1, 1}));
+  world.map.set_flag({1, 1}, cell_flag::kGivenUp);
+  world.map.set_flag({2, 1}, cell_flag::kGivenUp);
+  EXPECT_EQ(richest_region(world.map, world.paths, 4, 1), std::nullopt);
+}
+
 TEST(PathPlanner, AStraightWayIsOneWaypoint) {
   Drawn world({"........", "........", "........"});
   world.paths.compute(world.map, {0, 0}, world.region);
