@@ -115,8 +115,8 @@ void add_radio(const RunData& run, const RobotRun& robot, std::vector<Finding>& 
   if (unheard_s > 0) headline += ", and nothing was heard of it for " + duration_text(unheard_s);
   std::string detail = std::to_string(robot.retransmissions) + " rectangles were sent again. ";
   const auto silent = spans_of(robot, Activity::kUnheard);
-  if (!silent.empty()) detail += "Silence: " + longest(silent) + " ";
-  if (run.robots.size() > 1) {
+  if (!silent.empty()) detail += longest(silent) + " ";
+  if (run.scores.overlap > kWorthTelling) {
     detail += "Robots that do not hear of each other explore the same places: " +
               percent(run.scores.overlap) + " of the cells were seen by two or more.";
   }

@@ -39,7 +39,7 @@ TEST(Findings, NameALossyRadio) {
   ASSERT_EQ(findings.size(), 1u);
   EXPECT_THAT(findings[0].headline,
               AllOf(HasSubstr("robot 1's radio lost 47 %"), HasSubstr("nothing was heard")));
-  EXPECT_THAT(findings[0].detail, HasSubstr("explore the same places"));
+  EXPECT_THAT(findings[0].detail, HasSubstr("sent again. When: "));
 }
 
 TEST(Findings, NameRobotsInEachOthersWay) {

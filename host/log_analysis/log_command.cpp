@@ -7,7 +7,10 @@
 #include <memory>
 #include <stdexcept>
 
+#include "host/can_analysis/can_command.h"
+#include "host/can_analysis/can_log.h"
 #include "host/cli/progress_line.h"
+#include "host/log_analysis/export_command.h"
 #include "host/log_analysis/run_compare.h"
 #include "host/log_analysis/run_report.h"
 #include "host/log_analysis/run_video.h"
@@ -130,6 +133,20 @@ void print_metrics(const LogOptions& options) {
   std::cout << (options.json ? metrics_json(run) + "\n" : metrics_text(run));
 }
 
+// Files of which another command makes something.
+void refuse_other_kinds(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::string line(200, '\0');
+  in.read(line.data(), static_cast<std::streamsize>(line.size()));
+  line.resize(static_cast<std::size_t>(std::max<std::streamsize>(0, in.gcount())));
+  if (parse_candump(line.substr(0, line.find('\n')))) {
+    throw std::runtime_error("'" + file.string() + "' is a CAN log, which 'ivfm log can' reads");
+  }
+  if (file.extension() == ".rawlog") {
+    throw std::runtime_error("'" + file.string() + "' is a rawlog, which 'ivfm replay' reads");
+  }
+}
+
 using LogWork = void (*)(const LogOptions&);
 
 // Adds the subcommands that read a run database.
@@ -143,6 +160,7 @@ class LogCommands {
     command->footer(std::string("Example: ") + example);
     command->callback([options = options_, &action = action_, work] {
       action = [options, work] {
+        refuse_other_kinds(options->database);
         work(*options);
         return 0;
       };
@@ -213,12 +231,14 @@ void add_tables(LogCommands& commands) {
 
 void add_log_command(CLI::App& app, CommandAction& action) {
   CLI::App* log =
-      app.add_subcommand("log", "What happened in a run: report, map, film, figures, tables");
+      app.add_subcommand("log", "What happened in a run: report, map, film, figures, CAN, exports");
   log->require_subcommand(1);
   log->footer("Example: ivfm log report run.db -o report.html");
   LogCommands commands(*log, action);
   add_pictures(commands);
   add_tables(commands);
+  add_can_log_command(*log, action);
+  add_export_log_command(*log, action);
 }
 
 }  // namespace ivfm::host

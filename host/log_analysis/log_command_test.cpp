@@ -192,6 +192,14 @@ TEST(LogCommand, SaysInOneSentenceWhatIsWrongWithAFile) {
   EXPECT_THAT(failure(folder / "cut.db"), HasSubstr("run database '"));
 }
 
+TEST(LogCommand, SaysThatAnotherProgramKeepsAFileLocked) {
+  const ScratchFolder folder;
+  const auto path = small_run(folder);
+  SqliteConnection other(path, SqliteConnection::Mode::kWrite);
+  other.execute("PRAGMA locking_mode = EXCLUSIVE; BEGIN EXCLUSIVE;");
+  EXPECT_THAT(failure(path), HasSubstr("keeps it locked"));
+}
+
 TEST(LogCommand, SavesWhatCanBeReadOfADamagedFile) {
   const ScratchFolder folder;
   write_synthetic_run(folder / "run.db", {});

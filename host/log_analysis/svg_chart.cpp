@@ -50,9 +50,9 @@ std::string box(double x, double y, double width, double height, const std::stri
 
 // A drawing's scales: values to places.
 struct Scales {
-  double left, width, x_end, y_top;
+  double left, width, x_end, y_top, y_low = 0;
   double x(double value) const { return left + width * value / x_end; }
-  double y(double value) const { return kTop + kHeight * (1 - value / y_top); }
+  double y(double value) const { return kTop + kHeight * (y_top - value) / (y_top - y_low); }
 };
 
 std::string x_ticks(const Scales& scales, const std::string& unit, double baseline) {
@@ -66,11 +66,11 @@ std::string x_ticks(const Scales& scales, const std::string& unit, double baseli
 
 std::string y_ticks(const Scales& scales, const std::string& unit) {
   std::string svg;
-  const double step = tick_step(scales.y_top, 4);
-  for (double v = 0; v <= scales.y_top + step * 1e-6; v += step) {
-    svg +=
-        line(scales.left, scales.y(v), scales.left + scales.width, scales.y(v), "class=\"grid\"");
-    svg += label(scales.left - 8, scales.y(v) + 4, "end", number(v, "%g") + " " + unit);
+  const double step = tick_step(scales.y_top - scales.y_low, 4);
+  for (double k = std::ceil(scales.y_low / step); k * step <= scales.y_top + step * 1e-6; ++k) {
+    const double y = scales.y(k * step);
+    svg += line(scales.left, y, scales.left + scales.width, y, "class=\"grid\"");
+    svg += label(scales.left - 8, y + 4, "end", number(k * step + 0.0, "%g") + " " + unit);
   }
   return svg;
 }
@@ -148,6 +148,7 @@ std::string render_chart(const ChartAxes& axes, const std::vector<ChartSeries>& 
     for (const auto& [x, y] : one.points) {
       if (axes.x_end == 0) scales.x_end = std::max(scales.x_end, x);
       if (axes.y_top == 0) scales.y_top = std::max(scales.y_top, y);
+      scales.y_low = std::min(scales.y_low, y);
     }
     if (!one.label.empty()) legend.push_back({one.label, one.colour});
   }

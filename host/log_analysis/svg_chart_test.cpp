@@ -18,6 +18,10 @@ TEST(SvgChart, LinesEndAtTheirLastPointAndTheMarkIsThere) {
   EXPECT_THAT(svg, HasSubstr(">goal</text>"));
   EXPECT_THAT(svg, HasSubstr("aria-label=\"Area\""));
   EXPECT_THAT(render_chart(axes, {}), HasSubstr("</svg>"));
+  // 0 lies in the middle between 1 and -1.
+  EXPECT_THAT(
+      render_chart({"v", "s", "m/s", 0, 0, 0, "", 1130}, {{"", "#111", {{0, -1}, {1, 1}, {2, 0}}}}),
+      HasSubstr("points=\"64.0,212.0 591.0,12.0 1118.0,112.0 \""));
 }
 
 TEST(SvgChart, BarsStackAndSayWhatTheyAre) {
