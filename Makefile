@@ -39,7 +39,8 @@ bench: build ## Measure the parts of a decision against MRPT, and decisions a se
 	done
 
 .PHONY: soak
-soak: build ## Look for a lost cell in 1,000 schedules of radio faults and kills
+soak: build ## Look for a lost cell in 1,000 schedules of radio faults and kills; a million hostile datagrams
+	@IVFM_ATTACKS=1000000 $(HOST)/tests/nobody_in/nobody_in_test --gtest_brief=1
 	@$(HOST)/tests/nothing_lost/nothing_lost_soak $(ARGS)
 
 .PHONY: hil

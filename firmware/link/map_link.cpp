@@ -135,6 +135,7 @@ bool MapLink::is_from_present_server(const DatagramHeader& header) {
   server_boot_ = header.boot;
   server_window_ = {};
   connected_ = false;
+  probe_.pending = true;
   newest_update_ = 0;
   command_revision_ = 0;
   taken_ = {};
@@ -180,6 +181,10 @@ void MapLink::handle_welcome(std::span<const std::uint8_t> body, TimeUs now_us) 
   const auto welcome = decode_welcome(body);
   if (!welcome.ok()) {
     ++counters_.dropped_malformed;
+    return;
+  }
+  if (!probe_.pending) {  // nobody has asked
+    ++counters_.dropped_stale;
     return;
   }
   note_answer(now_us);
