@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 
 #include "host/environment/move_predictor.h"
 
@@ -15,7 +16,9 @@ class GreedyPlanner {
 
   // The best policy cell, or -1 when no move shows at least `min_new_cells` new cells: then
   // ExplorationEnvironment::step_global() is the way. Call ExplorationEnvironment::observe() first.
-  int choose(const ExplorationEnvironment& env, int agent);
+  // `bars`: goals that are not to be chosen; null: none.
+  int choose(const ExplorationEnvironment& env, int agent,
+             const std::function<bool(int policy_cell)>& bars = nullptr);
   // The predictions behind the last choice, by policy cell.
   const std::array<PredictedMove, kPolicyGridSize>& moves() const { return moves_; }
   double score(const PredictedMove& move) const {

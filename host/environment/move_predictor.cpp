@@ -186,6 +186,10 @@ PredictedMove MovePredictor::predict_path(const Explorer& explorer, const Pose& 
     }
     until_view -= drive - at;
     move.travel_m += drive * 1e-6;
+    for (double driven = 0; driven < drive; driven += config_.cell_um) {
+      const Cell cell = cell_after(driven);
+      if (!explorer.map().is_seen(cell)) move.unseen_m += config_.cell_um * 1e-6;
+    }
     budget -= leg;
     if (budget <= 0 || &to == &waypoints.back()) {
       if (config_.count_last_view) view(explorer, cell_after(drive), heading, move);

@@ -14,6 +14,7 @@ struct PredictedMove {
   bool is_reachable = false;
   double travel_m = 0;         // driven, the turning not counted
   double turn_rad = 0;         // turned on the spot, summed
+  double unseen_m = 0;         // of the way, over cells that nobody has seen
   std::int32_t new_cells = 0;  // would be seen for the first time
   std::int32_t re_seen_cells = 0;
   double re_seen_penalty = 0;  // sum of 2 sigma(count) - 1 over the re-seen cells
@@ -56,6 +57,11 @@ class MovePredictor {
 
   // Cells that a view from `cell` would show for the first time.
   std::int32_t new_cells_from(const Explorer& explorer, Cell cell, BinaryAngle heading);
+  // Whether the move can be made and does not lead further into the unseen than half the sensor's
+  // reach: obstacles would come up too late.
+  bool is_prudent(const PredictedMove& move) const {
+    return move.is_reachable && move.unseen_m * 2e6 <= config_.explorer.fusion.footprint.far_um;
+  }
   // The most cells that one view can show.
   std::int32_t most_cells() const { return most_cells_; }
 

@@ -9,6 +9,7 @@
 #include "host/evaluation/calibration.h"
 #include "host/evaluation/evaluator.h"
 #include "host/evaluation/policies/exploration_policy.h"
+#include "host/evaluation/policies/planning_policies.h"
 #include "host/evaluation/policies/simple_policies.h"
 #include "host/evaluation/report.h"
 
@@ -115,6 +116,22 @@ TEST(Worlds, AnUnknownNameListsTheKnownOnes) {
   WorldOptions options = named("1x");
   options.until = 0.9;
   EXPECT_THROW(make_world(options), std::invalid_argument);
+}
+
+TEST(VainMoves, BarTheDirectionsInWhichTheRobotWasStuckUntilItMoves) {
+  const Point here{0, 0};
+  StepResult stuck, moved;
+  stuck.collided = true;
+  moved.distance_m = 0.1;
+  VainMoves vain;
+  vain.note(here, {1'000'000, 0}, stuck);
+  EXPECT_TRUE(vain.bars(here, {300'000, 100'000}));
+  EXPECT_FALSE(vain.bars(here, {300'000, 300'000}));
+  EXPECT_FALSE(vain.bars(here, {-300'000, 0}));
+  vain.note(here, {-1'000'000, 0}, stuck);
+  EXPECT_TRUE(vain.bars(here, {-300'000, 0}));
+  vain.note(here, {0, 1'000'000}, moved);
+  EXPECT_TRUE(vain.empty());
 }
 
 TEST(MedianFrontier, TakesTheMemberNearestToTheMedians) {

@@ -28,6 +28,28 @@ double correlation(std::span<const float> a, std::span<const std::int32_t> b) {
   return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 1;
 }
 
+// Adds to the sums whether int8 chooses as float does, among the cells of `mask` (empty: all).
+void add_choices(QuantizationReport& sums, std::span<const float> expected,
+                 std::span<const std::int32_t> actual, std::span<const std::uint8_t> mask) {
+  std::ptrdiff_t best = -1, chosen = -1;
+  double lowest = 0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    if (!mask.empty() && mask[i] == 0) continue;
+    const auto at = static_cast<std::ptrdiff_t>(i);
+    lowest = best < 0 ? double{expected[i]} : std::min(lowest, double{expected[i]});
+    if (best < 0 || expected[i] > expected[static_cast<std::size_t>(best)]) best = at;
+    if (chosen < 0 || actual[i] > actual[static_cast<std::size_t>(chosen)]) chosen = at;
+  }
+  if (best < 0) throw std::invalid_argument("a mask without any goal");
+  const double highest = expected[static_cast<std::size_t>(best)];
+  const double lost = highest - double{expected[static_cast<std::size_t>(chosen)]};
+  const double spread = std::max(1e-9, highest - lowest);
+  sums.same_best += lost == 0 ? 1 : 0;
+  sums.near_best_value += lost <= 0.01 * std::abs(highest) ? 1 : 0;
+  sums.near_best += lost <= 0.01 * spread ? 1 : 0;
+  sums.worst_loss = std::max(sums.worst_loss, lost / spread);
+}
+
 // Fills the values of one made-up state: a few walls and strips already seen, straight distances.
 class ExampleDrawer {
  public:
@@ -73,7 +95,8 @@ class ExampleDrawer {
 }  // namespace
 
 QuantizationReport compare(const FloatNetwork& network, std::span<const std::uint8_t> model,
-                           std::span<const std::uint16_t> states) {
+                           std::span<const std::uint16_t> states,
+                           std::span<const std::uint8_t> masks) {
   const std::size_t state_size = network.inputs.size() * kPolicyGridSize;
   if (states.empty() || states.size() % state_size != 0)
     throw std::invalid_argument("no states, or of the wrong size");
@@ -83,23 +106,21 @@ QuantizationReport compare(const FloatNetwork& network, std::span<const std::uin
   FloatRunner floats(network);
   QuantizationReport report;
   report.states = states.size() / state_size;
-  const double share = 1.0 / static_cast<double>(report.states);
-  for (std::size_t at = 0; at < states.size(); at += state_size) {
-    const auto state = states.subspan(at, state_size);
+  if (!masks.empty() && masks.size() != report.states * kPolicyGridSize)
+    throw std::invalid_argument("as many masks as states");
+  for (std::size_t i = 0; i < report.states; ++i) {
+    const auto state = states.subspan(i * state_size, state_size);
     const auto expected = floats.run(state);
     const auto actual = int8->run(state);
     if (actual.empty()) throw std::runtime_error("the model is for another kind of state");
-    const auto [lowest, best] = std::minmax_element(expected.begin(), expected.end());
-    const auto chosen =
-        static_cast<std::size_t>(std::max_element(actual.begin(), actual.end()) - actual.begin());
-    const double spread = std::max(1e-9, static_cast<double>(*best) - static_cast<double>(*lowest));
-    const double loss =
-        (static_cast<double>(*best) - static_cast<double>(expected[chosen])) / spread;
-    report.correlation += share * correlation(expected, actual);
-    report.same_best += loss == 0 ? share : 0;
-    report.near_best += loss <= 0.01 ? share : 0;
-    report.worst_loss = std::max(report.worst_loss, loss);
+    const auto mask = masks.empty() ? masks : masks.subspan(i * kPolicyGridSize, kPolicyGridSize);
+    report.correlation += correlation(expected, actual);
+    add_choices(report, expected, actual, mask);
   }
+  const double share = 1.0 / static_cast<double>(report.states);
+  for (double* sum :
+       {&report.correlation, &report.same_best, &report.near_best_value, &report.near_best})
+    *sum *= share;
   return report;
 }
 

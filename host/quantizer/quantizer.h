@@ -38,17 +38,20 @@ std::vector<double> activation_scales(const FloatNetwork& network,
                                       std::span<const std::uint16_t> states,
                                       const QuantizeOptions& options = {});
 
-// How close a model file comes to its float network on `states`.
+// How close a model file comes to its float network on some states.
 struct QuantizationReport {
   std::size_t states = 0;
-  double correlation = 0;  // of all values of a state, mean over the states
-  double same_best = 0;    // share of states whose best policy cell is the same
-  double near_best = 0;    // or whose float value is within 1 % of the spread of float values
-  double worst_loss = 0;   // largest loss of float value by the int8 choice, share of the spread
+  double correlation = 0;      // of all values of a state, mean over the states
+  double same_best = 0;        // share of states in which both choose the same goal
+  double near_best_value = 0;  // or int8 one whose float value is within 1 % of the best's size
+  double near_best = 0;        // or within 1 % of the spread of the float values
+  double worst_loss = 0;  // largest loss of float value by the int8 choice, share of the spread
 };
-// Throws as quantize(), and std::runtime_error when the firmware refuses `model`.
+// `masks`: which policy cells can be goals, 1024 a state; empty: all. Throws as quantize(), and
+// std::runtime_error when the firmware refuses `model`.
 QuantizationReport compare(const FloatNetwork& network, std::span<const std::uint8_t> model,
-                           std::span<const std::uint16_t> states);
+                           std::span<const std::uint16_t> states,
+                           std::span<const std::uint8_t> masks = {});
 
 // Made-up states for tests and benchmarks: rooms, visited strips, distances. Same layout as above.
 std::vector<std::uint16_t> make_example_states(std::uint64_t seed, int count,

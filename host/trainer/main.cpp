@@ -9,6 +9,7 @@
 #include <iostream>
 #include <string>
 
+#include "host/quantizer/network_commands.h"
 #include "host/trainer/trainer.h"
 
 namespace {
@@ -73,11 +74,14 @@ int run(int argc, char** argv) {
   CLI::App app{"ivfm-train: train a Q-network that explores, and quantize it for the robot"};
   bool dry_run = false;
   add_options(app, config, config_path, dry_run);
+  ivfm::host::CommandAction action;  // of a subcommand; without one it trains
+  ivfm::host::add_network_commands(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
+  if (action) return action();
   ivfm::host::check(config);
   if (dry_run) {
     std::cout << ivfm::host::to_toml(config);

@@ -1,6 +1,7 @@
 #include "host/evaluation/policies/planning_policies.h"
 
 #include <algorithm>
+#include <cstdlib>
 
 namespace ivfm::host {
 
@@ -11,31 +12,99 @@ double detour_m(const EnvironmentConfig& config) {
   return 2e-6 * config.cell_um * config.explorer.pool;
 }
 
+BinaryAngle bearing(Point from, Point to) {
+  return atan2_binary(std::int64_t{to.y_um} - from.y_um, std::int64_t{to.x_um} - from.x_um);
+}
+
+Point place_of(const ExplorationEnvironment& env, int agent, int policy_cell) {
+  const Explorer& explorer = env.explorer(agent);
+  return explorer.map().frame().center_of(explorer.goal_in_block(policy_cell));
+}
+
+VainMoves& vain_of(std::vector<VainMoves>& all, const ExplorationEnvironment& env, int agent) {
+  all.resize(static_cast<std::size_t>(env.agents()));
+  return all[static_cast<std::size_t>(agent)];
+}
+
+// Drives to policy cell `best`; without one to the nearest frontier of the whole map, or, when that
+// is no way out either, to the furthest place that is not barred.
+StepResult move_or_leave(ExplorationEnvironment& env, int agent, int best, VainMoves& vain) {
+  const Point here = env.pose(agent).position;
+  if (best < 0 && !vain.empty()) {
+    std::int64_t furthest = -1;
+    for (int i = 0; i < kPolicyGridSize; ++i) {
+      if (!env.goal_mask(agent)[static_cast<std::size_t>(i)]) continue;
+      const Point place = place_of(env, agent, i);
+      const std::int64_t distance = squared_distance_um2(here, place);
+      if (distance <= furthest || vain.bars(here, place)) continue;
+      furthest = distance;
+      best = i;
+    }
+  }
+  if (best < 0) {
+    const StepResult result = env.step_global(agent);
+    const WaypointPath& path = env.explorer(agent).path();
+    if (!path.points().empty()) vain.note(here, path.points().back(), result);
+    return result;
+  }
+  const Point goal = place_of(env, agent, best);
+  const StepResult result = env.step(agent, best);
+  vain.note(here, goal, result);
+  return result;
+}
+
 }  // namespace
+
+void VainMoves::note(Point from, Point goal, const StepResult& result) {
+  if (!result.idle && result.distance_m > 0.005) return forget();
+  if (bearings_.size() > 16) forget();
+  bearings_.push_back(bearing(from, goal));
+}
+
+bool VainMoves::bars(Point from, Point goal) const {
+  constexpr int kEighth = 65536 / 16;  // half of an eighth turn to either side
+  const BinaryAngle wanted = bearing(from, goal);
+  return std::ranges::any_of(bearings_, [&](BinaryAngle barred) {
+    return std::abs(int{(wanted - barred).signed_raw()}) < kEighth;
+  });
+}
 
 InformationGainPolicy::InformationGainPolicy(const EnvironmentConfig& config)
     : config_(config), predictor_(config), moves_(kPolicyGridSize) {}
+
+void InformationGainPolicy::start_episode(std::uint64_t seed) {
+  (void)seed;
+  vain_.clear();
+}
 
 StepResult InformationGainPolicy::act(ExplorationEnvironment& env, int agent) {
   return config_.sensor == SensorModel::kPaperCamera ? act_with_camera(env, agent)
                                                      : act_with_lidar(env, agent);
 }
 
-StepResult InformationGainPolicy::act_with_camera(ExplorationEnvironment& env, int agent) {
-  env.observe(agent);
-  predictor_.predict(env.explorer(agent), env.pose(agent), moves_);
-  const std::int32_t least = std::max(4, predictor_.most_cells() / 50);
+int InformationGainPolicy::best_move(const ExplorationEnvironment& env, int agent,
+                                     const VainMoves& vain) const {
+  // A robot that is stuck takes what shows it anything.
+  const std::int32_t least = vain.empty() ? std::max(4, predictor_.most_cells() / 50) : 1;
+  const Point here = env.pose(agent).position;
   int best = -1;
   double best_rate = 0;
   for (int i = 0; i < kPolicyGridSize; ++i) {
     const PredictedMove& move = moves_[static_cast<std::size_t>(i)];
-    if (!move.is_reachable || move.new_cells < least) continue;
+    if (!predictor_.is_prudent(move) || move.new_cells < least) continue;
     const double rate = move.new_cells / (move.travel_m + detour_m(config_));
-    if (rate <= best_rate) continue;
+    if (rate <= best_rate || vain.bars(here, place_of(env, agent, i))) continue;
     best = i;
     best_rate = rate;
   }
-  return best < 0 ? env.step_global(agent) : env.step(agent, best);
+  return best;
+}
+
+StepResult InformationGainPolicy::act_with_camera(ExplorationEnvironment& env, int agent) {
+  env.observe(agent);
+  predictor_.predict(env.explorer(agent), env.pose(agent), moves_);
+  VainMoves& vain = vain_of(vain_, env, agent);
+  return move_or_leave(env, agent, best_move(env, agent, vain), vain);
 }
 
 StepResult InformationGainPolicy::act_with_lidar(ExplorationEnvironment& env, int agent) {
@@ -73,10 +142,18 @@ StepResult InformationGainPolicy::act_with_lidar(ExplorationEnvironment& env, in
   return best_rate > 0 ? env.step_to(agent, best) : env.step_global(agent);
 }
 
+void GreedyLookaheadPolicy::start_episode(std::uint64_t seed) {
+  (void)seed;
+  vain_.clear();
+}
+
 StepResult GreedyLookaheadPolicy::act(ExplorationEnvironment& env, int agent) {
   env.observe(agent);
-  const int best = planner_.choose(env, agent);
-  return best < 0 ? env.step_global(agent) : env.step(agent, best);
+  VainMoves& vain = vain_of(vain_, env, agent);
+  const Point here = env.pose(agent).position;
+  const int best =
+      planner_.choose(env, agent, [&](int i) { return vain.bars(here, place_of(env, agent, i)); });
+  return move_or_leave(env, agent, best, vain);
 }
 
 }  // namespace ivfm::host
