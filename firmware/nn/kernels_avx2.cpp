@@ -59,10 +59,36 @@ void convolve(const LayerView& layer, const TensorView& in_shape, const std::int
   convolve_tiled(kKernels, layer, in_shape, in, out, scratch);
 }
 
+IVFM_TARGET inline __m256i load_8_as_int32(const std::int8_t* p) {
+  return _mm256_cvtepi8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p)));
+}
+
 }  // namespace
 
+// Tensors hold multiples of 16 values.
+IVFM_TARGET void add_scaled_avx2(const LayerView& layer, std::size_t size, const std::int8_t* a,
+                                 const std::int8_t* b, std::int8_t* out) {
+  const __m256i multiplier_a = _mm256_set1_epi32(static_cast<int>(layer.multiplier_a));
+  const __m256i multiplier_b = _mm256_set1_epi32(static_cast<int>(layer.multiplier_b));
+  const __m256i half = _mm256_set1_epi32(1 << (layer.shift - 1));
+  const __m128i shift = _mm_cvtsi32_si128(layer.shift);
+  const __m256i lowest = _mm256_set1_epi32(layer.relu ? 0 : -127);
+  for (std::size_t i = 0; i < size; i += 8) {
+    const __m256i scaled_a = _mm256_mullo_epi32(load_8_as_int32(a + i), multiplier_a);
+    const __m256i scaled_b = _mm256_mullo_epi32(load_8_as_int32(b + i), multiplier_b);
+    const __m256i sum = _mm256_add_epi32(_mm256_add_epi32(scaled_a, scaled_b), half);
+    const __m256i wide = _mm256_max_epi32(_mm256_sra_epi32(sum, shift), lowest);
+    // Packing saturates at 127; it works in each half of the register.
+    const __m256i words = _mm256_packs_epi32(wide, wide);
+    const __m256i bytes = _mm256_packs_epi16(words, words);
+    const int low = _mm256_extract_epi32(bytes, 0), high = _mm256_extract_epi32(bytes, 4);
+    std::memcpy(out + i, &low, sizeof low);
+    std::memcpy(out + i + 4, &high, sizeof high);
+  }
+}
+
 const KernelSet& avx2_kernels() {
-  static constexpr KernelSet kSet{"avx2", convolve, head_fast, upsample_nearest, add_scaled};
+  static constexpr KernelSet kSet{"avx2", convolve, head_fast, upsample_nearest, add_scaled_avx2};
   return kSet;
 }
 

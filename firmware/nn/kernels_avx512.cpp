@@ -75,7 +75,8 @@ void convolve(const LayerView& layer, const TensorView& in_shape, const std::int
 }  // namespace
 
 const KernelSet& avx512_vnni_kernels() {
-  static constexpr KernelSet kSet{"avx512-vnni", convolve, head_fast, upsample_nearest, add_scaled};
+  static constexpr KernelSet kSet{"avx512-vnni", convolve, head_fast, upsample_nearest,
+                                  add_scaled_avx2};
   return kSet;
 }
 

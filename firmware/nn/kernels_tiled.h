@@ -48,6 +48,8 @@ void add_scaled(const LayerView& layer, std::size_t size, const std::int8_t* a,
 // Compiled for x86-64 only; call them only where the processor has the instructions.
 const KernelSet& avx512_vnni_kernels();
 const KernelSet& avx2_kernels();
+void add_scaled_avx2(const LayerView& layer, std::size_t size, const std::int8_t* a,
+                     const std::int8_t* b, std::int8_t* out);
 // Compiled for AArch64 only.
 const KernelSet& neon_kernels();
 // Compiled for ARMv7 only: Cortex-M7, 32-bit ARM Linux.
