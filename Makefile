@@ -30,6 +30,7 @@ demo: build ## Two robots explore a real building's corridor, all in software
 .PHONY: test
 test: build cross-replay ## Build everything, replay a recorded drive on two robots, run every test
 	@ctest --preset host -j $(JOBS) $(ARGS)
+	@tests/fuzz/run.sh 5
 	@tests/replay/compare_targets.sh
 
 .PHONY: bench
@@ -37,6 +38,10 @@ bench: build ## Measure the parts of a decision against MRPT, and decisions a se
 	@for bench in $$(find $(HOST) -name '*_bench' -type f | sort); do \
 	  echo "== $${bench##*/}"; $$bench $(ARGS); \
 	done
+
+.PHONY: fuzz
+fuzz: deps ## Fuzz every decoder of bytes from outside, SECONDS_EACH=60
+	@tests/fuzz/run.sh $(or $(SECONDS_EACH),60)
 
 .PHONY: soak
 soak: build ## Look for a lost cell in 1,000 schedules of radio faults and kills; a million hostile datagrams

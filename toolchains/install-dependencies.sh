@@ -31,7 +31,7 @@ packages=(
   # Packages for robots; modules of the emulated machines' kernels
   kmod lintian
   # Format and lint
-  clang-14 clang-format-14 clang-tidy-14
+  clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev
 )
 
 say() { echo "install-dependencies: $*" >&2; }

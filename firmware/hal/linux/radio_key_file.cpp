@@ -102,7 +102,7 @@ RadioKeys read_radio_keys(const std::string& path) {
   return parse_radio_keys(text, path);
 }
 
-void write_radio_keys(const std::string& path, const RadioKeys& keys) {
+std::string format_radio_keys(const RadioKeys& keys) {
   std::string text = "# ivfm radio keys: robot and key. Secret: the file has mode 600.\n";
   for (const auto& [robot, key] : keys) {
     text += std::to_string(robot) + ' ';
@@ -112,6 +112,11 @@ void write_radio_keys(const std::string& path, const RadioKeys& keys) {
     }
     text += '\n';
   }
+  return text;
+}
+
+void write_radio_keys(const std::string& path, const RadioKeys& keys) {
+  const std::string text = format_radio_keys(keys);
   const Unfinished part{path + ".part"};
   ::unlink(part.path.c_str());
   const File file(part.path, O_WRONLY | O_CREAT | O_EXCL, 0600);

@@ -17,6 +17,9 @@ using RadioKeys = std::map<std::uint16_t, RadioKey>;
 // Throws std::runtime_error with one sentence that names `file_name` and the line.
 RadioKeys parse_radio_keys(std::string_view text, const std::string& file_name);
 
+// The text of such a file.
+std::string format_radio_keys(const RadioKeys& keys);
+
 // Throws std::runtime_error with one sentence when the file cannot be read, others may read or
 // write it, or it has no right content.
 RadioKeys read_radio_keys(const std::string& path);
