@@ -593,6 +593,10 @@ void ExplorationEnvironment::share(int agent) {
   const CellRect obstacles = collect_obstacles(speaker);
   totals_.visit_mbr_cells += visits.area();
   totals_.obstacle_mbr_cells += obstacles.area();
+  if (share_observer_.observer) {
+    share_observer_.observer(agent, Layer::kVisits, visits);
+    share_observer_.observer(agent, Layer::kObstacles, obstacles);
+  }
   const CellRect old_body = std::exchange(speaker.body, body_rect(speaker.pose));
   if (agents() == 1) return;
   for (int listener = 0; listener < agents(); ++listener) {

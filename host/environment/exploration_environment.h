@@ -144,6 +144,12 @@ class ExplorationEnvironment {
  public:
   explicit ExplorationEnvironment(const EnvironmentConfig& config);
 
+  // Told what an agent would put on the radio: its own cells in the rectangle have changed.
+  using ShareObserver = std::function<void(int agent, Layer layer, const CellRect& rect)>;
+  // Copies of the environment tell nobody.
+  void set_share_observer(ShareObserver observer) {
+    share_observer_.observer = std::move(observer);
+  }
   // Copies of the environment tell the same observer.
   void set_observer(ExplorerObserver observer) { observer_ = std::move(observer); }
 
@@ -240,6 +246,13 @@ class ExplorationEnvironment {
 
   EnvironmentConfig config_;
   ExplorerObserver observer_;
+  // Planners look ahead in copies: nothing is sent there.
+  struct Uncopied {
+    Uncopied() = default;
+    Uncopied(const Uncopied&) {}
+    Uncopied& operator=(const Uncopied&) { return *this; }
+    ShareObserver observer;
+  } share_observer_;
   Scenario scenario_;
   CellRect extent_;
   GridFrame extent_frame_;

@@ -13,6 +13,7 @@
 #include "host/environment/random.h"
 #include "host/evaluation/file_hash.h"
 #include "host/evaluation/policies/exploration_policy.h"
+#include "host/evaluation/wire_meter.h"
 
 namespace ivfm::host {
 
@@ -105,6 +106,7 @@ EpisodeRecord play_episode(const EvaluationRequest& request, ExplorationEnvironm
                            ExplorationPolicy& policy, int episode, const ActionObserver& observe) {
   const auto started = std::chrono::steady_clock::now();
   const std::uint64_t seed = episode_seed(request.seed, episode);
+  WireMeter meter(env);
   env.reset(request.world.scenario(request.agents, seed));
   policy.start_episode(Random(seed, 1).next());
   std::int64_t decisions = 0;
@@ -115,6 +117,7 @@ EpisodeRecord play_episode(const EvaluationRequest& request, ExplorationEnvironm
     const StepResult result = policy.act(env, agent);
     sim_steps[static_cast<std::size_t>(agent)] += result.sim_steps;
     ++decisions;
+    meter.note_action(result.sim_steps);
     if (observe) observe(env, agent, result);
     for (std::size_t i = 0; i < reached.size(); ++i) {
       if (reached[i] || env.totals().coverage() < kMilestones[i]) continue;
@@ -124,6 +127,7 @@ EpisodeRecord play_episode(const EvaluationRequest& request, ExplorationEnvironm
   EpisodeMetrics metrics = measured(env, sim_steps, request.state == "vfm" ? 4 : 2);
   metrics.seed = seed;
   metrics.milestone_m = reached;
+  metrics.wire_bytes = static_cast<double>(meter.finish());
   const std::chrono::duration<double> busy = std::chrono::steady_clock::now() - started;
   return {episode, metrics, decisions, busy.count()};
 }

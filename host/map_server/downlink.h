@@ -12,7 +12,7 @@
 namespace ivfm::host {
 
 struct DownlinkConfig {
-  TimeUs period_us = 500000;       // changes are collected for this long
+  TimeUs period_us = 1000000;      // changes are collected for this long
   TimeUs retry_us = 1000000;       // without acknowledgement, sent again after this time,
   TimeUs retry_max_us = 16000000;  // which doubles up to here while the robot is silent
   std::uint32_t max_open_datagrams = 16;

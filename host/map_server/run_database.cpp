@@ -158,14 +158,17 @@ void bind_u32s(SqliteStatement& insert, const std::array<std::uint32_t, kTileCel
 }  // namespace
 
 RunDatabase::FileLock::FileLock(const std::filesystem::path& path)
-    : fd_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
+    : fd_(path == ":memory:" ? -1 : ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
+  if (path == ":memory:") return;
   if (fd_ < 0) throw sentence(path, std::string("cannot be written: ") + std::strerror(errno));
   if (::flock(fd_, LOCK_EX | LOCK_NB) == 0) return;
   ::close(fd_);
   throw sentence(path, "is in use by another map server; give this one a file of its own");
 }
 
-RunDatabase::FileLock::~FileLock() { ::close(fd_); }
+RunDatabase::FileLock::~FileLock() {
+  if (fd_ >= 0) ::close(fd_);
+}
 
 void check_run_database(SqliteConnection& connection, const std::filesystem::path& path,
                         bool allow_empty) {
