@@ -55,8 +55,9 @@ struct RobotRecord {
 // throw DatabaseError. Times are microseconds since the run began, on the server's clock.
 class RunDatabase {
  public:
-  // Opens a run to go on with it, or creates it; ":memory:" is a run that is forgotten. Throws std::runtime_error with one sentence when
-  // the file cannot be written, is not a run database, or another server has it.
+  // Opens a run to go on with it, or creates it; ":memory:" is a run that is forgotten. Throws
+  // std::runtime_error with one sentence when the file cannot be written, is not a run database, or
+  // another server has it.
   explicit RunDatabase(const std::filesystem::path& path);
   ~RunDatabase();
   RunDatabase(const RunDatabase&) = delete;
