@@ -23,7 +23,7 @@ packages=(
   # Tests and benchmarks; another project's CAN library to talk to ours
   googletest libbenchmark-dev libgmock-dev libgtest-dev python3-can python3-prometheus-client
   # Other projects' tools that read what ours write
-  can-utils mrpt-apps tshark
+  can-utils mandoc mrpt-apps tshark zsh
   # Robot builds and their emulators
   g++-aarch64-linux-gnu g++-arm-linux-gnueabihf
   gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib

@@ -5,6 +5,7 @@
 
 #include "host/canbus/canbus_command.h"
 #include "host/cli/commands.h"
+#include "host/cli/manual.h"
 #include "host/demo/demo_command.h"
 #include "host/evaluation/eval_command.h"
 #include "host/log_analysis/log_command.h"
@@ -17,7 +18,7 @@
 namespace {
 
 int run(int argc, char** argv) {
-  CLI::App app{"ivfm: explore unknown places with several cheap robots"};
+  CLI::App app{"ivfm: explore unknown places with several cheap robots", "ivfm"};
   app.require_subcommand(1);
   app.set_version_flag("--version", "ivfm 0.1.0");
   ivfm::host::CommandAction action;
@@ -31,6 +32,7 @@ int run(int argc, char** argv) {
   ivfm::host::add_keygen_command(app, action);
   ivfm::host::add_radio_command(app, action);
   ivfm::host::add_log_command(app, action);
+  ivfm::host::add_manual_command(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
