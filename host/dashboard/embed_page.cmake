@@ -15,7 +15,7 @@ string(APPEND page_files_h
        "struct PageScript {\n  const char* path;\n  std::string_view text;\n};\n")
 set(page_script_rows "")
 set(page_script_count 0)
-foreach(script charts.js colours.js map_view.js page.js run_model.js)
+foreach(script charts.js colours.js local_pictures.js map_view.js page.js run_model.js)
   string(REPLACE ".js" "" name ${script})
   embed_text(script_${name} ${script})
   string(APPEND page_script_rows "    PageScript{\"/${script}\", script_${name}},\n")

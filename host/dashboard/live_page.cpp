@@ -2,6 +2,7 @@
 
 #include <httplib.h>
 
+#include <atomic>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
@@ -60,12 +61,13 @@ bool equal_secret(const std::string& given, const std::string& expected) {
 
 std::optional<CommandCode> command_code(const std::string& name) {
   if (name == "start") return CommandCode::kStart;
-  if (name == "stop") return CommandCode::kStop;
+  if (name == "stop" || name == "pause") return CommandCode::kStop;
   if (name == "return") return CommandCode::kReturn;
   return std::nullopt;
 }
 
-// {"command": "start" | "stop" | "return", "robot": 1}; without a robot: all of them.
+// {"command": "start" | "pause" | "stop" | "return", "robot": 1}; without a robot: all of them. To
+// pause is to stop: a robot that stands keeps its mission.
 std::optional<PageCommand> parse_command(const std::string& text) {
   const auto body = nlohmann::json::parse(text, nullptr, false);
   if (!body.is_object() || !body.contains("command") || !body["command"].is_string()) return {};
@@ -110,6 +112,12 @@ class LivePage::Server {
       const std::lock_guard lock(mutex_);
       response.set_content(metrics_, "text/plain; version=0.0.4; charset=utf-8");
     });
+    http_.Get("/api/local", [this](const httplib::Request& request, httplib::Response& response) {
+      const auto robot = static_cast<std::uint16_t>(number(request.get_param_value("robot")));
+      LocalView* const view = local_view_;
+      response.set_content(view == nullptr ? "null" : view->describe(state_, robot),
+                           "application/json");
+    });
     http_.Post("/api/command", [this](const httplib::Request& request,
                                       httplib::Response& response) { command(request, response); });
     listen(address);
@@ -120,6 +128,7 @@ class LivePage::Server {
     thread_.join();
   }
 
+  void set_local_view(LocalView& view) { local_view_ = &view; }
   std::string url() const { return url_; }
   const std::string& token() const { return token_; }
   void set_metrics(std::string text) {
@@ -173,7 +182,7 @@ class LivePage::Server {
     }
     const auto command = parse_command(request.body);
     if (!command) {
-      answer(kBadRequest, "the body must be {\"command\": \"start\", \"stop\" or \"return\"}");
+      answer(kBadRequest, "the body must be {\"command\": \"start\", \"pause\", \"stop\" or \"return\"}");
       return;
     }
     const std::lock_guard lock(mutex_);
@@ -204,6 +213,7 @@ class LivePage::Server {
   }
 
   const LiveState& state_;
+  std::atomic<LocalView*> local_view_{nullptr};
   const std::string token_;
   httplib::Server http_;
   std::string url_;
@@ -220,6 +230,7 @@ LivePage::~LivePage() = default;
 std::string LivePage::url() const { return server_->url(); }
 std::string LivePage::url_with_token() const { return url() + "#token=" + server_->token(); }
 void LivePage::set_metrics(std::string text) { server_->set_metrics(std::move(text)); }
+void LivePage::set_local_view(LocalView& view) { server_->set_local_view(view); }
 std::vector<PageCommand> LivePage::take_commands() { return server_->take_commands(); }
 
 }  // namespace ivfm::host

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "host/dashboard/live_state.h"
+#include "host/dashboard/local_view.h"
 #include "shared/wire/messages.h"
 
 namespace ivfm::host {
@@ -35,6 +36,8 @@ class LivePage {
   std::string url() const;
   // The same with the token, for who may command the robots.
   std::string url_with_token() const;
+  // From now on /api/local shows what a robot's policy sees. `view` outlives the page.
+  void set_local_view(LocalView& view);
   // What /metrics answers from now on (Prometheus' text format).
   void set_metrics(std::string text);
   // What was asked since the last call, in order.

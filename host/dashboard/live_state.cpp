@@ -228,4 +228,32 @@ std::string LiveState::changes(const std::string& run, std::uint64_t since) cons
   return out;
 }
 
+std::optional<Neighbourhood> LiveState::neighbourhood(std::uint16_t robot,
+                                                      std::int32_t reach_cells) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = robots_.find(robot);
+  if (found == robots_.end() || !found->second.view.pose || cell_um_ <= 0) return std::nullopt;
+  const Pose pose = *found->second.view.pose;
+  const Cell middle = GridFrame(cell_um_, {}).cell_at(pose.position);
+  const CellRect bounds{middle.x - reach_cells, middle.y - reach_cells, 2 * reach_cells,
+                        2 * reach_cells};
+  const GridFrame frame(cell_um_, bounds);
+  Neighbourhood out{pose, {cell_um_, bounds, {}, {}}};
+  out.map.visits.resize(frame.size());
+  out.map.obstacles.resize(frame.size());
+  for_each_tile(Layer::kVisits, bounds, [&](const TileKey& key, const CellRect& part) {
+    const auto tile = tiles_.find({key.x, key.y});
+    if (tile == tiles_.end()) return;
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(tile->second.bytes.data()) + 8;
+    for (std::int32_t y = part.y; y < part.top(); ++y) {
+      for (std::int32_t x = part.x; x < part.right(); ++x) {
+        const std::size_t i = tile_index({x, y}), at = frame.index_of({x, y});
+        out.map.visits[at] = bytes[i];
+        out.map.obstacles[at] = static_cast<std::uint8_t>(bytes[kTileCells + i / 8] >> (i % 8) & 1);
+      }
+    }
+  });
+  return out;
+}
+
 }  // namespace ivfm::host

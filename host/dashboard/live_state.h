@@ -10,9 +10,16 @@
 #include <utility>
 #include <vector>
 
+#include "host/map_server/map_reader.h"
 #include "host/map_server/map_server.h"
 
 namespace ivfm::host {
+
+// The merged map around a robot.
+struct Neighbourhood {
+  Pose pose;
+  LayerMap map;
+};
 
 // Written by the server's thread, read by any. Every change gets the next revision.
 class LiveState {
@@ -30,6 +37,9 @@ class LiveState {
   // What changed after `since` for a page that knows `run` (all when it is another run): u32
   // little-endian size of a JSON text, the text, then the tiles (docs/page.md).
   std::string changes(const std::string& run, std::uint64_t since) const;
+
+  // `reach_cells` in every direction; nothing while the robot's place is not known.
+  std::optional<Neighbourhood> neighbourhood(std::uint16_t robot, std::int32_t reach_cells) const;
 
  private:
   using Revision = std::uint64_t;

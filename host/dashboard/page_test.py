@@ -4,6 +4,7 @@
 Usage: page_test.py IVFM EMULATED_FLEET [--screenshots FOLDER]
 """
 import argparse
+import math
 import pathlib
 import re
 import shutil
@@ -88,6 +89,10 @@ def check_commands(browser):
     click(browser, "[data-command=stop]")
     wait_until("every robot stops", lambda: set(states(browser)) == {"stopped"})
     browser.run("document.getElementById('target').value = '2'")
+    click(browser, "[data-command=start]")
+    wait_until("robot 2 goes on", lambda: states(browser)[1] == "exploring")
+    click(browser, "[data-command=pause]")
+    wait_until("robot 2 pauses", lambda: states(browser)[1] == "stopped")
     click(browser, "[data-command=return]")
     wait_until("robot 2 returns", lambda: states(browser)[1] == "returning")
     assert states(browser)[0] == "stopped"
@@ -98,6 +103,37 @@ def check_commands(browser):
     wait_until("a wrong token is refused", lambda: "token" in browser.run(answer))
     assert set(states(browser)) == {"stopped", "returning"}
     print("robots obey, but only with the token")
+
+
+def check_local_map(browser, database):
+    """The i-VFM of robot 1, computed here from the database."""
+    click(browser, "#robots tbody button")
+    last = "return ivfmPage.local.last"
+    wait_until("the local map is shown", lambda: (browser.run(last) or {}).get("robot") == 1)
+    local = browser.run(last)
+    tiles = merged_tiles(database)
+    pool = round(local["cell_m"] / browser.run("return ivfmPage.model.cellM"))
+    cell_m = local["cell_m"] / pool
+    left, low = (round(c / cell_m) for c in local["origin"])
+    robot = browser.run("return [...ivfmPage.model.robots.values()][0]")
+    checked = 0
+    for i, value in enumerate(local["ivfm"]):
+        x0, y0 = left + i % local["side"] * pool, low + i // local["side"] * pool
+        if max(abs((x0 + pool / 2) * cell_m - robot["x"]), abs((y0 + pool / 2) * cell_m - robot["y"])) < 0.8:
+            continue  # the robot's own disc, and it may have moved since
+        total = 0
+        for y in range(y0, y0 + pool):
+            for x in range(x0, x0 + pool):
+                visits, walls = tiles.get((x // SIDE, y // SIDE), (None, None))
+                at = y % SIDE * SIDE + x % SIDE
+                blocked = walls is not None and walls[at]
+                count = visits[at] if visits is not None else 0
+                total += 12 if blocked else 10 / (1 + math.exp(-count))
+        assert abs(total / pool ** 2 - value) < 0.01, (i, total / pool ** 2, value)
+        checked += 1
+    assert checked > 900
+    assert local["q"] is None or len(local["q"]) == local["side"] ** 2
+    print(f"{checked} cells of the local i-VFM are as the database says")
 
 
 def check_keyboard(browser):
@@ -147,6 +183,7 @@ def run(options, folder):
         check_drawing(browser, database)
         click(browser, "#theme")
         check_drawing(browser, database)
+        check_local_map(browser, database)
         check_keyboard(browser)
         problems = [p for p in browser.problems() if "403" not in p]
         assert not problems, problems

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Takes the pictures of the live page in docs/images while a demonstration runs.
+"""Takes the pictures of the live page and of the reports in docs/images, from a demonstration.
 
 Usage: take_pictures.py IVFM FOLDER [arguments of ivfm demo ...]
 """
@@ -11,15 +11,24 @@ import tempfile
 import time
 
 from browser import Browser
-from page_test import take_pictures
+from page_test import click, take_pictures
 
-SECONDS = 25  # of the demonstration, before the first picture
+SECONDS = 20  # of the demonstration, before the first picture
+
+
+def picture_of_file(browser, file, picture, height):
+    """The upper part of an HTML file."""
+    browser.size(1180, height)
+    browser.open(f"file://{file}")
+    browser.screenshot(picture)
+    print(picture)
 
 
 def main():
     ivfm, folder, *arguments = sys.argv[1:]
+    folder = pathlib.Path(folder)
     with tempfile.TemporaryDirectory() as out:
-        command = [ivfm, "demo", "--out", out, "--until", "0.9", *arguments]
+        command = [ivfm, "demo", "--out", out, *arguments]
         demo = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         browser = None
         try:
@@ -29,12 +38,20 @@ def main():
             browser.size(1400, 860)
             browser.open(link)
             time.sleep(SECONDS)
-            take_pictures(browser, pathlib.Path(folder))
+            click(browser, "#robots tbody button")  # the first robot's local map
+            time.sleep(2)
+            take_pictures(browser, folder)
+            demo.communicate(timeout=300)
+            picture_of_file(browser, f"{out}/report.html", folder / "report.png", 1500)
+            subprocess.run([ivfm, "log", "can", f"{out}/can.log", "-o", f"{out}/can.html"],
+                           check=True, stdout=subprocess.DEVNULL)
+            picture_of_file(browser, f"{out}/can.html", folder / "can.png", 900)
         finally:
             if browser:
                 browser.close()
-            demo.terminate()
-            demo.communicate(timeout=60)
+            if demo.poll() is None:
+                demo.terminate()
+                demo.communicate(timeout=60)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "host/cli/progress_line.h"
 #include "host/cli/shipped_model.h"
 #include "host/simulator/map_file.h"
 
@@ -183,6 +184,11 @@ FleetOptions DemoRun::fleet_options() const {
                            "--robot-radius", text_of("%.9g", world_.body.radius_m),
                            "--wheel-radius", text_of("%.9g", world_.body.wheel_radius_m),
                            "--wheel-base",   text_of("%.9g", world_.body.wheel_base_m)};
+  fleet.server_arguments = {"--visit-range", text_of("%.9g", options_.visit_range_m)};
+  if (options_.policy == "qnet" && !options_.model.empty()) {
+    fleet.server_arguments.emplace_back("--model");
+    fleet.server_arguments.emplace_back(options_.model);
+  }
   if (options_.policy == "qnet") {
     fleet.agent_arguments.emplace_back("--model");
     fleet.agent_arguments.emplace_back(options_.model.empty() ? shipped_model(".ivfm")
@@ -223,6 +229,10 @@ void DemoRun::report_progress(const Fleet& fleet) {
               static_cast<unsigned long long>(visits_in(merged)),
               bytes_text(sum(fleet.agents(), &AgentReport::bytes_sent)).c_str(),
               bytes_text(sum(fleet.agents(), &AgentReport::bytes_received)).c_str());
+  if (now.explored > 0.02 && now.explored < options_.until) {
+    const double left_s = now.time_s * (options_.until - now.explored) / now.explored;
+    std::printf("  %s left", duration_text(left_s / options_.time_scale).c_str());
+  }
   if (fleet.collisions() > 0) std::printf("  %d collisions", fleet.collisions());
   for (const AgentReport& agent : fleet.agents()) {
     if (agent.state != "exploring") std::printf("  [%s]", agent.state.c_str());

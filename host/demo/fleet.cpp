@@ -126,15 +126,16 @@ void Fleet::start_simulator() {
 }
 
 void Fleet::start_server() {
-  const ChildProcess& child =
-      launch("serve",
-             {options_.ivfm, "serve", "--listen", "127.0.0.1:0", "--keys",
-              options_.folder / "keys/server.keys", "--db", database(), "--http", "127.0.0.1:0",
-              "--time-scale", shortest(options_.time_scale)},
-             [this](std::string_view line) {
-               if (server_address_.empty()) server_address_ = between(line, "listening on ", ", ");
-               if (live_page_.empty()) live_page_ = between(line, "live page ", " ");
-             });
+  std::vector<std::string> command{
+      options_.ivfm, "serve",        "--listen",
+      "127.0.0.1:0", "--keys",       options_.folder / "keys/server.keys",
+      "--db",        database(),     "--http",
+      "127.0.0.1:0", "--time-scale", shortest(options_.time_scale)};
+  command.insert(command.end(), options_.server_arguments.begin(), options_.server_arguments.end());
+  const ChildProcess& child = launch("serve", command, [this](std::string_view line) {
+    if (server_address_.empty()) server_address_ = between(line, "listening on ", ", ");
+    if (live_page_.empty()) live_page_ = between(line, "live page ", " ");
+  });
   wait_until(child, [this] { return !server_address_.empty() && !live_page_.empty(); });
 }
 

@@ -20,6 +20,7 @@ struct FleetOptions {
   std::filesystem::path agent;                   // ivfm-agent
   std::filesystem::path folder;                  // for the run's files; exists
   std::vector<std::string> simulator_arguments;  // world, robots, seed, noise, faults
+  std::vector<std::string> server_arguments;     // visit range and model, for the live page
   std::vector<std::string> agent_arguments;      // the same for every robot
   int robots = 2;
   double time_scale = 4;

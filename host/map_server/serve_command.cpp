@@ -14,6 +14,7 @@
 
 #include "firmware/hal/linux/random_boot.h"
 #include "host/cli/progress_line.h"
+#include "host/cli/shipped_model.h"
 #include "host/dashboard/live_page.h"
 #include "host/dashboard/live_state.h"
 #include "host/map_server/key_ring.h"
@@ -80,11 +81,23 @@ void receive_all(UdpListener& listener, MapServer& server, TimeUs now_us) {
   }
 }
 
+std::string model_of(const ServeOptions& options) {
+  if (!options.model.empty()) return options.model;
+  try {
+    return shipped_model(".ivfm").string();
+  } catch (const std::runtime_error&) {
+    return {};  // a page without a Q map
+  }
+}
+
 // The live page of a run: shows what the server holds, and passes on what people ask for.
 class LiveView {
  public:
   LiveView(const ServeOptions& options, const MapServer& server)
-      : state_(random_token()), page_(options.http, state_, random_token()) {
+      : local_(model_of(options), options.visit_range_m),
+        state_(random_token()),
+        page_(options.http, state_, random_token()) {
+    page_.set_local_view(local_);
     if (server.robot_count() > 0) state_.restore(options.database);
   }
   std::string link() const { return page_.url_with_token(); }
@@ -109,6 +122,7 @@ class LiveView {
   }
 
  private:
+  LocalView local_;
   LiveState state_;
   LivePage page_;
   std::chrono::steady_clock::time_point next_{}, next_metrics_{};
@@ -177,6 +191,13 @@ void add_serve_command(CLI::App& app, CommandAction& action) {
   command->add_option("--keys", options->keys,
                       "file with the robots' radio keys (ivfm keygen); without it robots are heard "
                       "on this machine only");
+  command->add_option("--model", options->model,
+                      "of the robots, for the page's Q map [the first of models/*.ivfm]");
+  command
+      ->add_option("--visit-range", options->visit_range_m,
+                   "of the robots in metres, for the page's local map")
+      ->check(CLI::Range(0.1, 12.0))
+      ->capture_default_str();
   command->add_option("--time-scale", options->time_scale, "times faster than the wall clock")
       ->check(CLI::Range(0.01, 1000.0))
       ->capture_default_str();

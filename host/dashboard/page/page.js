@@ -2,6 +2,7 @@
 
 import {drawChart} from './charts.js';
 import {robotColour, visitColour} from './colours.js';
+import {LocalPictures} from './local_pictures.js';
 import {MapView} from './map_view.js';
 import {RunModel} from './run_model.js';
 
@@ -14,6 +15,7 @@ const model = new RunModel();
 setTheme(localStorage.getItem('ivfm-theme') ??
   (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light'));
 const view = new MapView(byId('map'), model);
+const local = new LocalPictures(byId('local'), id => nameOf(model.robots.get(id) ?? {id}));
 
 // --- Numbers ---
 
@@ -95,12 +97,21 @@ function rowOf(robot) {
   return row;
 }
 
+// The causes in a status message, as firmware/supervisor/supervisor.h numbers them.
+const kCauses = ['lidar silent', 'odometry silent', 'drive lost', 'stop command', 'internal error',
+  'obstacle'];
+function stateText(robot) {
+  if (robot.state !== 'fault') return robot.state ?? 'unknown';
+  const causes = kCauses.filter((_, bit) => robot.fault >> bit & 1);
+  return causes.length ? `fault: ${causes.join(', ')}` : 'fault';
+}
+
 function showRobots() {
   for (const robot of model.robots.values()) {
     const cells = rowOf(robot).cells;
     const age = model.linkAgeS(robot);
     setText(cells[0].firstChild.lastChild, nameOf(robot));
-    setText(cells[1], robot.state === 'fault' && robot.fault ? `fault ${robot.fault}` : robot.state ?? 'unknown');
+    setText(cells[1], stateText(robot));
     setText(cells[2], `${age.toFixed(1)} s`);
     setText(cells[3], `${(robot.distance_m ?? 0).toFixed(1)} m`);
     setText(cells[4], String(robot.actions ?? 0));
@@ -117,6 +128,7 @@ function select(id) {
   }
   const robot = model.robots.get(id);
   if (view.selected !== null && robot?.x !== undefined) view.goTo([robot.x, robot.y]);
+  local.show(view.selected);
   view.changed();
 }
 
@@ -181,12 +193,13 @@ function say(text, bad) {
 async function command(name) {
   const target = byId('target');
   const body = {command: name};
-  if (target.value) body.robot = Number(target.value);
+  const all = target.value === '' || name === 'stop';
+  if (!all) body.robot = Number(target.value);
   try {
     const response = await fetch('api/command', {method: 'POST', body: JSON.stringify(body),
       headers: {'X-Ivfm-Token': byId('token').value.trim()}});
     if (response.ok) {
-      say(`Asked ${target.selectedOptions[0].textContent} to ${name}.`, false);
+      say(`Asked ${all ? 'all robots' : target.selectedOptions[0].textContent} to ${name}.`, false);
       return;
     }
     if (response.status === 403) byId('token-row').hidden = false;
@@ -255,5 +268,5 @@ async function run() {
 
 readToken();
 view.start();
-window.ivfmPage = {model, view, drawnCells: (x, y) => view.drawnCells(x, y)};
+window.ivfmPage = {model, view, local, drawnCells: (x, y) => view.drawnCells(x, y)};
 run();
