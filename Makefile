@@ -53,7 +53,8 @@ hil: deps ## Hardware in the loop: the packed robot on an emulated machine; faul
 	@[[ -f $(HOST)/build.ninja ]] || cmake --preset host >/dev/null
 	@cmake --build --preset host -j $(JOBS) --target machine_simulator ivfm
 	@for preset in aarch64 x86_64; do \
-	  [[ -f build/$$preset/build.ninja ]] || cmake --preset $$preset >/dev/null; \
+	  toolchains/fetch_libsodium.sh $$preset; \
+	  cmake --preset $$preset >/dev/null; \
 	  cmake --build --preset $$preset -j $(JOBS) --target ivfm-agent can_bridge; \
 	  packaging/pack.sh $$preset build/$$preset/$(AGENT) build/packages; \
 	done
@@ -62,7 +63,8 @@ hil: deps ## Hardware in the loop: the packed robot on an emulated machine; faul
 .PHONY: cross
 cross: deps ## Build, test and pack the robot for aarch64, armhf, x86-64; build it for Cortex-M7
 	@for preset in aarch64 armhf x86_64 cortex-m7; do \
-	  [[ -f build/$$preset/build.ninja ]] || cmake --preset $$preset; \
+	  toolchains/fetch_libsodium.sh $$preset; \
+	  cmake --preset $$preset; \
 	  cmake --build --preset $$preset -j $(JOBS); \
 	done
 	@for preset in aarch64 armhf; do ctest --preset $$preset -j $(JOBS); done

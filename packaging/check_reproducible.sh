@@ -11,6 +11,9 @@ export SOURCE_DATE_EPOCH CCACHE_DISABLE=1
 copy=$(mktemp -d)
 trap 'rm -rf "$copy"' EXIT
 git ls-files -z --cached --others --exclude-standard | tar -c --null -T - | tar -x -C "$copy"
+mkdir -p "$copy/build/$preset"
+[[ ! -d build/$preset/libsodium ]] ||
+  ln -s "$PWD/build/$preset/libsodium" "$copy/build/$preset/libsodium"
 cmake -S "$copy" --preset "$preset" >/dev/null
 cmake --build "$copy/build/$preset" --target ivfm-agent >"$copy/build.log" 2>&1 || {
   cat "$copy/build.log" >&2
