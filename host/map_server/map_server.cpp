@@ -231,7 +231,8 @@ void MapServer::merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateRea
   for (const TileChange& change : changes) {
     unsaved_tiles_.insert({robot.record.robot, change.key});
     if (change.changed.empty()) continue;
-    uncommitted_changes_.emplace_back(robot.record.robot, change);
+    CellRect& changed = uncommitted_changes_[robot.record.robot][change.key];
+    changed = changed.united(change.changed);
     changed_tiles_.insert(change.key);
     note_first_seen(change, now_us);
   }
@@ -470,9 +471,12 @@ void MapServer::acknowledge_committed(Robot& robot) {
 }
 
 void MapServer::tell_others() {
-  for (const auto& [from, change] : uncommitted_changes_) {
+  for (const auto& [from, changes] : uncommitted_changes_) {
+    CellRect bounds;  // most robots are far from most others
+    for (const auto& [key, changed] : changes) bounds = bounds.united(changed);
     for (auto& [id, robot] : robots_) {
-      if (id != from) robot.downlink.mark(change.key, change.changed);
+      if (id == from || bounds.intersection(robot.downlink.window()).empty()) continue;
+      for (const auto& [key, changed] : changes) robot.downlink.mark(key, changed);
     }
   }
   uncommitted_changes_.clear();

@@ -198,8 +198,8 @@ class MapServer {
   std::optional<std::uint16_t> finder_;
 
   std::set<std::pair<std::uint16_t, TileKey>> unsaved_tiles_;
-  std::vector<std::pair<std::uint16_t, TileChange>> uncommitted_changes_;
-  std::set<TileKey> changed_tiles_;  // for who looks on
+  std::map<std::uint16_t, std::map<TileKey, CellRect>> uncommitted_changes_;  // by who sent them
+  std::set<TileKey> changed_tiles_;                                           // for who looks on
   std::map<TileKey, FirstSeen> first_seen_;
   std::set<TileKey> unsaved_first_seen_;
   std::vector<Row> rows_;

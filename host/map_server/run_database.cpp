@@ -361,7 +361,11 @@ void RunDatabase::save_robot(const RobotRecord& robot) {
 }
 
 void RunDatabase::save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile) {
-  SqliteStatement& insert = statement("REPLACE INTO tiles VALUES (?, ?, ?, ?, ?, ?, ?)");
+  // Not REPLACE: the row stays where it is.
+  SqliteStatement& insert = statement(
+      "INSERT INTO tiles VALUES (?, ?, ?, ?, ?, ?, ?) "
+      "ON CONFLICT DO UPDATE SET epoch = excluded.epoch, cells = excluded.cells, "
+      "sequences = excluded.sequences");
   insert.bind(std::int64_t{robot})
       .bind(static_cast<std::int64_t>(key.layer))
       .bind(std::int64_t{key.x})

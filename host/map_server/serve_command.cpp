@@ -27,6 +27,7 @@ namespace ivfm::host {
 namespace {
 
 constexpr int kMaxDatagramsPerTurn = 1000;
+constexpr TimeUs kStepsPerCommit = 20;
 
 std::atomic<bool> stop_requested{false};
 static_assert(std::atomic<bool>::is_always_lock_free);
@@ -157,11 +158,14 @@ void serve(const ServeOptions& options, const std::atomic<bool>& stop, std::ostr
   const int wait_ms = std::max(1, static_cast<int>(period_ms / options.time_scale));
   {
     ProgressLine status;
+    TimeUs next_step_us = 0;
     while (!stop) {
       listener.wait(wait_ms);
       const TimeUs now_us = clock.now_us();
       receive_all(listener, server, now_us);
       if (view) view->update(server, database, now_us);
+      if (now_us < next_step_us) continue;  // a step looks at every robot
+      next_step_us = now_us + config.commit_period_us / kStepsPerCommit;
       server.step(now_us);
       status.say(summary(server, now_us));
     }
