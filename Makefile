@@ -44,9 +44,10 @@ fuzz: deps ## Fuzz every decoder of bytes from outside, SECONDS_EACH=60
 	@tests/fuzz/run.sh $(or $(SECONDS_EACH),60)
 
 .PHONY: soak
-soak: build ## Look for a lost cell in 1,000 schedules of radio faults and kills; a million hostile datagrams
+soak: build ## 1,000 schedules of radio faults and kills, a million hostile datagrams, a day of traffic
 	@IVFM_ATTACKS=1000000 $(HOST)/tests/nobody_in/nobody_in_test --gtest_brief=1
 	@$(HOST)/tests/nothing_lost/nothing_lost_soak $(ARGS)
+	@$(HOST)/tests/nothing_lost/memory_soak
 
 .PHONY: hil
 hil: deps ## Hardware in the loop: the packed robot on an emulated machine; faults and reaction times

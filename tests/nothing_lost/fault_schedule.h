@@ -29,7 +29,7 @@ struct FaultSchedule {
 };
 
 struct ScheduleOptions {
-  bool kill_robots = false;
+  bool kill_robots = true;
   TimeUs length_us = 150'000'000;
 };
 

@@ -79,7 +79,7 @@ int main(int argc, char** argv) {
   app.add_option("--first", options.first, "seed of the first schedule")->capture_default_str();
   app.add_option("--schedules", options.schedules, "how many")->capture_default_str();
   app.add_option("--jobs", options.jobs, "at a time")->check(CLI::Range(1, 256));
-  app.add_flag("--kill-robots", options.schedule.kill_robots, "not only the server");
+  app.add_flag("!--spare-robots", options.schedule.kill_robots, "kill only the server");
   app.footer("Example: nothing_lost_soak --first 17 --schedules 1");
   CLI11_PARSE(app, argc, argv);
   try {

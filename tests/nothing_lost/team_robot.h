@@ -44,8 +44,8 @@ class TeamRobot {
   std::uint16_t id() const { return id_; }
   const MapLink& link() const { return *link_; }
   const TeamMap& map() const { return *map_; }
-  void step(TimeUs now_us) {
-    link_->step(now_us, {});
+  void step(TimeUs now_us, const Pose& pose = {}) {
+    link_->step(now_us, pose);
     for (const Layer layer : kLayers) link_->mark_dirty(layer, map_->take_changes(layer));
   }
 
