@@ -44,6 +44,7 @@ void Agent::step(TimeUs now_us) {
   if (started_us_ == 0) started_us_ = now_us;
   sense_wheels(now_us);
   sense_surroundings(now_us);
+  look_for_target();
   exchange_maps(now_us);
   obey_commands();
   choose_goal(now_us);
@@ -82,6 +83,19 @@ void Agent::sense_surroundings(TimeUs now_us) {
   if (localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
   progress_.newly_seen_cells += seen.newly_seen_cells;
   ++progress_.scans_fused;
+}
+
+// Stands in for a camera: a target is found by the robot that has seen its cell.
+void Agent::look_for_target() {
+  if (!config_.target || found_) return;
+  const Cell cell = explorer_.map().frame().cell_at(*config_.target);
+  std::uint8_t visits = 0;
+  const Status read =
+      explorer_.map().read_own(Layer::kVisits, {cell.x, cell.y, 1, 1}, {&visits, 1});
+  if (!ok(read) || visits == 0) return;
+  found_ = true;
+  link_.report_found(*config_.target);
+  (void)supervisor_.request(RobotEvent::kTargetFound);
 }
 
 // Own changes to the server, the others' cells from it.

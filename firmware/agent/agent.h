@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "firmware/agent/profile.h"
@@ -35,6 +36,7 @@ struct AgentConfig {
   std::int32_t max_action_travel_um = 1'500'000;
   TimeUs max_hold_us = 1'000'000;      // held back by an obstacle for longer: another goal
   TimeUs share_period_us = 2'000'000;  // changes of the map go to the link at least so often
+  std::optional<Point> target;         // found, and the search over, once its cell was seen
 };
 
 struct AgentPorts {
@@ -97,6 +99,7 @@ class Agent {
  private:
   void sense_wheels(TimeUs now_us);
   void sense_surroundings(TimeUs now_us);
+  void look_for_target();
   void exchange_maps(TimeUs now_us);
   void obey_commands();
   void choose_goal(TimeUs now_us);
@@ -138,6 +141,7 @@ class Agent {
   TimeUs started_us_ = 0;
   std::uint32_t decision_time_us_ = 0;
   bool stop_requested_ = false;
+  bool found_ = false;
   AgentProgress progress_{};
 };
 

@@ -88,6 +88,7 @@ inline constexpr std::array kTransitions{
 
     Transition{RobotState::kExplored, RobotEvent::kExplore, RobotState::kExploring},
     Transition{RobotState::kExplored, RobotEvent::kReturn, RobotState::kReturning},
+    Transition{RobotState::kExplored, RobotEvent::kTargetFound, RobotState::kFound},
     Transition{RobotState::kExplored, RobotEvent::kFault, RobotState::kFault},
     Transition{RobotState::kExplored, RobotEvent::kStop, RobotState::kStopped},
 

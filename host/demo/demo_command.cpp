@@ -6,9 +6,12 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "host/demo/demo_run.h"
+#include "host/radio/radio_faults.h"
 
 namespace ivfm::host {
 namespace {
@@ -43,6 +46,42 @@ int demonstrate(DemoOptions options, double resolution_m) {
     std::fprintf(stderr, "ivfm: interrupted; all processes are stopped\n");
     return 1;
   }
+}
+
+// Who joins late, leaves or crashes, what the radio does, and what is looked for.
+void add_team_options(CLI::App& command, DemoOptions& options) {
+  const auto checked = [](const char* flag, const auto& parse) {
+    try {
+      return parse();
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError(flag, error.what());
+    }
+  };
+  const auto add = [&](const char* flag, FleetEvent::Kind kind, const char* help) {
+    command.add_option_function<std::vector<std::string>>(
+        flag,
+        [&options, checked, flag, kind](const std::vector<std::string>& texts) {
+          for (const std::string& text : texts) {
+            options.events.push_back(checked(flag, [&] { return parse_fleet_event(kind, text); }));
+          }
+        },
+        help);
+  };
+  add("--join", FleetEvent::Kind::kJoin, "ROBOT@TIME, such as 3@20s: is switched on then");
+  add("--leave", FleetEvent::Kind::kLeave,
+      "ROBOT@TIME[+PAUSE]: hands over its map and ends [and comes back]");
+  add("--crash", FleetEvent::Kind::kCrash,
+      "ROBOT@TIME[+PAUSE], such as 2@30s+10s: kill -9 [and started again]");
+  command.add_option_function<std::string>(
+      "--radio",
+      [&options, checked](const std::string& text) {
+        RadioFaults faults;
+        checked("--radio", [&] { return add_radio_faults(faults, text), 0; });
+        options.radio = text;
+      },
+      "faults between robots and server, such as drop=0.3,jitter=200ms,partition@30s+20s");
+  command.add_option("--target", options.target,
+                     "X,Y in metres: the robot that sees it ends the search for all");
 }
 
 }  // namespace
@@ -88,6 +127,7 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
       ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));
   command->add_option("--fault", options->faults,
                       "as of ivfm sim, such as lidar-silence@12s+3s; repeatable");
+  add_team_options(*command, *options);
   command->footer("Example: ivfm demo --robots 2 --world corridor --out out/demo");
   command->callback([options, resolution_m, &action] {
     action = [options, resolution_m] { return demonstrate(*options, *resolution_m); };

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <fstream>
 #include <map>
+#include <numbers>
 #include <numeric>
 #include <set>
 #include <stdexcept>
@@ -117,20 +118,30 @@ DemoRun::DemoRun(DemoOptions options, const std::atomic<bool>& interrupted)
       interrupted_(interrupted),
       world_(prepare_world(options_.world)),
       meter_(world_.world, world_.starts.front().position, kCellUm),
-      start_(std::chrono::steady_clock::now()) {}
+      start_(std::chrono::steady_clock::now()) {
+  for (const FleetEvent& event : options_.events) {
+    if (event.robot > options_.world.robots) {
+      throw std::invalid_argument("robot " + std::to_string(event.robot) +
+                                  " cannot join, leave or crash: there are only " +
+                                  std::to_string(options_.world.robots));
+    }
+    pending_.emplace(event.at_us, event);
+  }
+}
 
 DemoResult DemoRun::run() {
   prepare_folder();
   Fleet fleet(fleet_options(), interrupted_);
-  std::printf("%d robots explore %s (%.0f m2) until %.0f %% is seen, %gx real time, into %s\n",
+  std::printf("%d robots explore %s (%.0f m2), goal: %s; %gx real time, into %s\n",
               options_.world.robots, world_.world.name.c_str(),
               static_cast<double>(meter_.explorable_cells()) * kCellUm / 1e6 * kCellUm / 1e6,
-              options_.until * 100, options_.time_scale, options_.out.c_str());
+              goal_text().c_str(), options_.time_scale, options_.out.c_str());
   std::fflush(stdout);
   fleet.start();
   std::printf("live page %s\n", fleet.live_page().c_str());
   std::fflush(stdout);
   explore(fleet);
+  fleet.end_radio_faults();
   std::printf("robots stop and hand over their maps\n");
   std::fflush(stdout);
   fleet.stop();
@@ -167,6 +178,11 @@ FleetOptions DemoRun::fleet_options() const {
   fleet.folder = options_.out;
   fleet.robots = options_.world.robots;
   fleet.time_scale = options_.time_scale;
+  fleet.radio = options_.radio;
+  fleet.seed = options_.world.seed;
+  for (const FleetEvent& event : options_.events) {
+    if (event.kind == FleetEvent::Kind::kJoin) fleet.late.push_back(event.robot);
+  }
   fleet.simulator_arguments = {"--world",          options_.world.name,
                                "--seed",           std::to_string(options_.world.seed),
                                "--odometry-noise", options_.odometry_noise};
@@ -189,6 +205,9 @@ FleetOptions DemoRun::fleet_options() const {
     fleet.server_arguments.emplace_back("--model");
     fleet.server_arguments.emplace_back(options_.model);
   }
+  if (!options_.target.empty()) {
+    fleet.agent_arguments.insert(fleet.agent_arguments.end(), {"--target", options_.target});
+  }
   if (options_.policy == "qnet") {
     fleet.agent_arguments.emplace_back("--model");
     fleet.agent_arguments.emplace_back(options_.model.empty() ? shipped_model(".ivfm")
@@ -201,23 +220,90 @@ double DemoRun::real_seconds() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
 }
 
+double DemoRun::simulated_seconds() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - exploring_since_)
+             .count() *
+         options_.time_scale;
+}
+
 // Until the goal is reached, nothing is left to do, or time is up.
 void DemoRun::explore(Fleet& fleet) {
-  const auto begin = std::chrono::steady_clock::now();
-  for (;;) {
-    fleet.wait(milliseconds(1000));
-    const double simulated_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() *
-        options_.time_scale;
-    progress_.push_back({simulated_s, 0, driven_by(fleet.agents())});
+  exploring_since_ = std::chrono::steady_clock::now();
+  while (!is_over(fleet)) {
+    const auto next = std::chrono::steady_clock::now() + std::chrono::seconds(1);
+    while (std::chrono::steady_clock::now() < next) {
+      fleet.wait(milliseconds(100));
+      apply_events(fleet);
+    }
+    progress_.push_back({simulated_seconds(), 0, driven_by(fleet.agents())});
     report_progress(fleet);
-    goal_reached_ = progress_.back().explored >= options_.until;
-    const bool idle =
-        std::all_of(fleet.agents().begin(), fleet.agents().end(), [](const AgentReport& agent) {
-          return agent.state == "explored" || agent.state == "stopped";
-        });
-    if (goal_reached_ || idle || simulated_s > options_.time_limit_s) return;
   }
+}
+
+// With a target: when every robot at work knows that it was found. Else when enough was seen.
+bool DemoRun::is_over(const Fleet& fleet) {
+  if (progress_.empty()) return false;
+  const auto at_work_all = [&fleet](std::initializer_list<const char*> states) {
+    return std::all_of(fleet.agents().begin(), fleet.agents().end(), [&](const AgentReport& agent) {
+      return !agent.at_work || std::count(states.begin(), states.end(), agent.state) != 0;
+    });
+  };
+  const bool waiting =
+      !pending_.empty() ||
+      std::any_of(fleet.agents().begin(), fleet.agents().end(),
+                  [](const AgentReport& agent) { return agent.state == "starting"; });
+  goal_reached_ = !waiting && (options_.target.empty() ? progress_.back().explored >= options_.until
+                                                       : at_work_all({"found"}));
+  const bool idle = !waiting && at_work_all({"explored", "stopped", "found"});
+  return goal_reached_ || idle || progress_.back().time_s > options_.time_limit_s;
+}
+
+// What is due of the robots' joining, leaving and crashing.
+void DemoRun::apply_events(Fleet& fleet) {
+  const auto now_us = static_cast<TimeUs>(simulated_seconds() * 1e6);
+  while (!pending_.empty() && pending_.begin()->first <= now_us) {
+    const FleetEvent event = pending_.begin()->second;
+    pending_.erase(pending_.begin());
+    switch (event.kind) {
+      case FleetEvent::Kind::kJoin:
+        if (fleet.agents()[static_cast<std::size_t>(event.robot - 1)].at_work) {
+          pending_.emplace(now_us + 1'000'000, event);  // it has not left yet
+          break;
+        }
+        fleet.start_agent(event.robot, whereabouts(fleet, event.robot));
+        note(fleet, event.robot, "joins");
+        break;
+      case FleetEvent::Kind::kLeave:
+        fleet.dismiss_agent(event.robot);
+        note(fleet, event.robot, "leaves");
+        break;
+      case FleetEvent::Kind::kCrash:
+        fleet.kill_agent(event.robot);
+        note(fleet, event.robot, "crashes");
+        break;
+    }
+    if (event.again_us) {
+      pending_.emplace(*event.again_us, FleetEvent{FleetEvent::Kind::kJoin, event.robot, 0, {}});
+    }
+  }
+}
+
+// A robot that is started again is told where it stands, as by who has switched it on.
+std::string DemoRun::whereabouts(const Fleet& fleet, int robot) {
+  if (fleet.agents()[static_cast<std::size_t>(robot - 1)].starts == 0) return {};
+  std::string pose;
+  for (const TruthRow& row : read_truth_log(fleet.truth())) {
+    if (row.robot != robot) continue;
+    pose = text_of("%.6f,", row.pose.x_m) + text_of("%.6f,", row.pose.y_m) +
+           text_of("%.4f", row.pose.heading_rad * 180 / std::numbers::pi);
+  }
+  return pose;
+}
+
+void DemoRun::note(const Fleet& fleet, int robot, const char* what) {
+  notes_.push_back({fleet.server_seconds(), robot, what});
+  std::printf("%5.0f s  robot %d %s\n", simulated_seconds(), robot, what);
+  std::fflush(stdout);
 }
 
 void DemoRun::report_progress(const Fleet& fleet) {
@@ -234,8 +320,9 @@ void DemoRun::report_progress(const Fleet& fleet) {
     std::printf("  %s left", duration_text(left_s / options_.time_scale).c_str());
   }
   if (fleet.collisions() > 0) std::printf("  %d collisions", fleet.collisions());
-  for (const AgentReport& agent : fleet.agents()) {
-    if (agent.state != "exploring") std::printf("  [%s]", agent.state.c_str());
+  for (std::size_t i = 0; i < fleet.agents().size(); ++i) {
+    const std::string& state = fleet.agents()[i].state;
+    if (state != "exploring") std::printf("  [%zu %s]", i + 1, state.c_str());
   }
   std::printf("\n");
   std::fflush(stdout);
@@ -257,13 +344,18 @@ DemoResult DemoRun::judge(const Fleet& fleet) const {
   result.real_s = real_seconds();
 
   std::vector<fs::path> dumps;
+  std::set<std::uint16_t> crashed;
   std::vector<LayerMap> robots;
   for (int robot = 1; robot <= options_.world.robots; ++robot) {
-    dumps.push_back(fleet.map_dump(robot));
+    if (fs::exists(fleet.map_dump(robot))) {
+      dumps.push_back(fleet.map_dump(robot));
+    } else if (fleet.agents()[static_cast<std::size_t>(robot - 1)].state == "crashed") {
+      crashed.insert(static_cast<std::uint16_t>(robot));
+    }
     robots.push_back(load_robot_map(fleet.database(), static_cast<std::uint16_t>(robot)));
   }
   if (result.failure.empty()) {
-    result.comparison = compare_with_dumps(fleet.database(), dumps);
+    result.comparison = compare_with_dumps(fleet.database(), dumps, crashed);
   } else {
     result.comparison.first_difference = "not compared, because a process failed";
   }
@@ -298,6 +390,10 @@ cv::Mat DemoRun::write_pictures(const DemoResult& result) const {
 void DemoRun::save_outcome(const DemoResult& result) const {
   RunDatabase database(options_.out / "run.db");
   database.begin();
+  for (const Note& note : notes_) {
+    database.add_event(static_cast<std::int64_t>(note.server_s * 1e6),
+                       static_cast<std::uint16_t>(note.robot), note.what, "");
+  }
   database.save_outcome("coverage", result.scores.coverage);
   database.save_outcome("explorable_m2", static_cast<double>(meter_.explorable_cells()) *
                                              (kCellUm / 1e6) * (kCellUm / 1e6));
@@ -310,8 +406,13 @@ void DemoRun::save_outcome(const DemoResult& result) const {
   database.commit();
 }
 
+std::string DemoRun::goal_text() const {
+  return options_.target.empty() ? text_of("%.0f %% explored", options_.until * 100)
+                                 : "found " + options_.target + ", and every robot knows it";
+}
+
 std::vector<Verdict> DemoRun::verdicts_of(const DemoResult& result) const {
-  return {{result.goal_reached, text_of("%.0f %% explored", options_.until * 100)},
+  return {{result.goal_reached, goal_text()},
           {result.collisions == 0, std::to_string(result.collisions) + " collisions"},
           {result.comparison.equal(), result.comparison.equal()
                                           ? "server's map equals the sum of the robots' maps"
@@ -362,7 +463,7 @@ void DemoRun::print_table(const DemoResult& result) const {
   std::printf("\n%.1f %% explored in %.0f s, RER %.2f, PE %.0f, overlap %.1f %%\n",
               scores.coverage * 100, result.simulated_s, scores.repeat_rate,
               scores.pixels_per_metre, scores.overlap * 100);
-  std::printf("goal of %.0f %% reached: %s\n", options_.until * 100, yes_no(result.goal_reached));
+  std::printf("%s: %s\n", goal_text().c_str(), yes_no(result.goal_reached));
   std::printf("no collision: %s (%d)\n", yes_no(result.collisions == 0), result.collisions);
   std::printf("server's map is the sum of the robots' maps: %s (%llu cells compared)%s%s\n",
               yes_no(result.comparison.equal()),

@@ -5,11 +5,13 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "host/demo/fleet.h"
+#include "host/demo/fleet_event.h"
 #include "host/demo/run_scores.h"
 #include "host/log_analysis/run_report.h"
 #include "host/map_server/map_reader.h"
@@ -30,7 +32,10 @@ struct DemoOptions {
   double visit_range_m = 3;
   std::string odometry_noise = "none";
   std::vector<std::string> faults;
-  std::string command_line;  // for the report
+  std::string radio;               // faults between robots and server, as of ivfm radio
+  std::vector<FleetEvent> events;  // robots that join late, leave or crash
+  std::string target;              // X,Y in metres: seeing it is the goal; empty: none
+  std::string command_line;        // for the report
 };
 
 // The fleet at one moment of the run.
@@ -73,6 +78,12 @@ class DemoRun {
   void prepare_folder() const;
   FleetOptions fleet_options() const;
   void explore(Fleet& fleet);
+  void apply_events(Fleet& fleet);
+  static std::string whereabouts(const Fleet& fleet, int robot);
+  void note(const Fleet& fleet, int robot, const char* what);
+  bool is_over(const Fleet& fleet);
+  double simulated_seconds() const;
+  std::string goal_text() const;
   void report_progress(const Fleet& fleet);
   DemoResult judge(const Fleet& fleet) const;
   void save_outcome(const DemoResult& result) const;
@@ -88,6 +99,14 @@ class DemoRun {
   CoverageMeter meter_;
   std::vector<ProgressPoint> progress_;
   bool goal_reached_ = false;
+  struct Note {
+    double server_s;
+    int robot;
+    std::string what;
+  };
+  std::vector<Note> notes_;                    // for the database's events
+  std::multimap<TimeUs, FleetEvent> pending_;  // by when they are due
+  std::chrono::steady_clock::time_point exploring_since_;
   std::chrono::steady_clock::time_point start_;
 };
 

@@ -1,5 +1,7 @@
 #include "host/demo/fleet.h"
 
+#include <signal.h>
+
 #include <algorithm>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -16,7 +18,7 @@ using std::chrono::seconds;
 using std::chrono::steady_clock;
 
 constexpr seconds kStartTimeout{20};
-constexpr seconds kGoodbyeTimeout{20};
+constexpr seconds kGoodbyeTimeout{60};
 
 // The text between `before` and the first of `end` after it; empty when `before` is not in `line`.
 std::string between(std::string_view line, std::string_view before, std::string_view end) {
@@ -34,25 +36,49 @@ std::string shortest(double value) {
 
 }  // namespace
 
+AgentCounters& AgentCounters::operator+=(const AgentCounters& other) {
+  driven_m += other.driven_m;
+  actions += other.actions;
+  newly_seen_cells += other.newly_seen_cells;
+  bytes_sent += other.bytes_sent;
+  bytes_received += other.bytes_received;
+  retransmissions += other.retransmissions;
+  scans += other.scans;
+  resyncs += other.resyncs;
+  can_frames += other.can_frames;
+  return *this;
+}
+
+void AgentReport::begin() {
+  state = "starting";
+  at_work = true;
+  ++starts;
+  earlier = *this;
+}
+
 void AgentReport::take(std::string_view line, double time_scale) {
   if (line.empty() || line.front() != '{') return;
   const auto json = nlohmann::json::parse(line, nullptr, false);
   if (!json.is_object()) return;
   try {
+    const auto part = [&json](const char* name) {
+      return json.value(name, nlohmann::json::object());
+    };
+    const auto radio = part("radio"), lidar = part("lidar"), can = part("can");
+    AgentCounters now;
+    now.driven_m = json.value("travelled_m", 0.0);
+    now.actions = json.value("actions", now.actions);
+    now.newly_seen_cells = json.value("newly_seen_cells", now.newly_seen_cells);
+    now.bytes_sent = radio.value("bytes_sent", now.bytes_sent);
+    now.bytes_received = radio.value("bytes_received", now.bytes_received);
+    now.retransmissions = radio.value("retransmissions", now.retransmissions);
+    now.scans = lidar.value("scans", now.scans);
+    now.resyncs = lidar.value("resyncs", now.resyncs);
+    now.can_frames = can.value("frames_received", now.can_frames);
     state = json.value("state", state);
-    driven_m = json.value("travelled_m", driven_m);
-    actions = json.value("actions", actions);
-    newly_seen_cells = json.value("newly_seen_cells", newly_seen_cells);
     decision_ms = json.value("decision_us", 0.0) / 1e3 / time_scale;
     slowest_decision_ms = std::max(slowest_decision_ms, decision_ms);
-    const auto radio = json.value("radio", nlohmann::json::object());
-    bytes_sent = radio.value("bytes_sent", bytes_sent);
-    bytes_received = radio.value("bytes_received", bytes_received);
-    retransmissions = radio.value("retransmissions", retransmissions);
-    const auto lidar = json.value("lidar", nlohmann::json::object());
-    scans = lidar.value("scans", scans);
-    resyncs = lidar.value("resyncs", resyncs);
-    can_frames = json.value("can", nlohmann::json::object()).value("frames_received", can_frames);
+    static_cast<AgentCounters&>(*this) = now += earlier;
   } catch (const nlohmann::json::exception&) {
     // A value of another type: a line that is not ours.
   }
@@ -61,25 +87,34 @@ void AgentReport::take(std::string_view line, double time_scale) {
 Fleet::Fleet(FleetOptions options, const std::atomic<bool>& interrupted)
     : options_(std::move(options)),
       interrupted_(interrupted),
+      agents_at_work_(static_cast<std::size_t>(options_.robots)),
+      dismissed_(static_cast<std::size_t>(options_.robots)),
       connections_(static_cast<std::size_t>(options_.robots)),
       agents_(static_cast<std::size_t>(options_.robots)) {}
 
 Fleet::~Fleet() {
   // Agents first: the others are what they drive with.
-  while (!children_.empty()) children_.pop_back();
+  agents_at_work_.clear();
+  while (!services_.empty()) services_.pop_back();
 }
 
 std::filesystem::path Fleet::map_dump(int robot) const {
   return options_.folder / ("robot" + std::to_string(robot) + ".map");
 }
 
-ChildProcess& Fleet::launch(const std::string& name, const std::vector<std::string>& command,
-                            ChildProcess::LineHandler on_line) {
+std::unique_ptr<ChildProcess> Fleet::launch(const std::string& name,
+                                            const std::vector<std::string>& command,
+                                            ChildProcess::LineHandler on_line) {
   const std::filesystem::path logs = options_.folder / "logs";
   std::filesystem::create_directories(logs);
-  children_.push_back(
-      std::make_unique<ChildProcess>(name, command, logs / (name + ".log"), std::move(on_line)));
-  return *children_.back();
+  return std::make_unique<ChildProcess>(name, command, logs / (name + ".log"), std::move(on_line));
+}
+
+ChildProcess& Fleet::launch_service(const std::string& name,
+                                    const std::vector<std::string>& command,
+                                    ChildProcess::LineHandler on_line) {
+  services_.push_back(launch(name, command, std::move(on_line)));
+  return *services_.back();
 }
 
 void Fleet::start() {
@@ -88,18 +123,25 @@ void Fleet::start() {
   start_bus();
   start_simulator();
   start_server();
-  for (int robot = 1; robot <= options_.robots; ++robot) start_agent(robot);
-  wait_until(*children_.back(), [this] { return agents_running_ == options_.robots; });
+  if (!options_.radio.empty()) start_radio();
+  std::size_t started = 0;
+  for (int robot = 1; robot <= options_.robots; ++robot) {
+    if (std::count(options_.late.begin(), options_.late.end(), robot) != 0) continue;
+    start_agent(robot);
+    ++started;
+  }
+  const auto agents = running_agents();
+  if (!agents.empty()) wait_until(*agents.back(), [&] { return agents_running_ == started; });
 }
 
 void Fleet::start_bus() {
-  const ChildProcess& child = launch("canbus",
-                                     {options_.ivfm, "canbus", "--listen", "127.0.0.1:0", "--log",
-                                      can_log(), "--time-scale", shortest(options_.time_scale)},
-                                     [this](std::string_view line) {
-                                       if (bus_address_.empty())
-                                         bus_address_ = between(line, "socketcand:", "/ ");
-                                     });
+  const ChildProcess& child =
+      launch_service("canbus",
+                     {options_.ivfm, "canbus", "--listen", "127.0.0.1:0", "--log", can_log(),
+                      "--time-scale", shortest(options_.time_scale)},
+                     [this](std::string_view line) {
+                       if (bus_address_.empty()) bus_address_ = between(line, "socketcand:", "/ ");
+                     });
   wait_until(child, [this] { return !bus_address_.empty(); });
 }
 
@@ -112,7 +154,7 @@ void Fleet::start_simulator() {
                                    "--truth",      truth()};
   command.insert(command.end(), options_.simulator_arguments.begin(),
                  options_.simulator_arguments.end());
-  const ChildProcess& child = launch("sim", command, [this](std::string_view line) {
+  const ChildProcess& child = launch_service("sim", command, [this](std::string_view line) {
     for (int robot = 1; robot <= options_.robots; ++robot) {
       const std::string head = "robot " + std::to_string(robot) + ": ";
       if (!simulator_ready_ && line.starts_with(head)) {
@@ -132,31 +174,75 @@ void Fleet::start_server() {
       "--db",        database(),     "--http",
       "127.0.0.1:0", "--time-scale", shortest(options_.time_scale)};
   command.insert(command.end(), options_.server_arguments.begin(), options_.server_arguments.end());
-  const ChildProcess& child = launch("serve", command, [this](std::string_view line) {
+  const ChildProcess& child = launch_service("serve", command, [this](std::string_view line) {
     if (server_address_.empty()) server_address_ = between(line, "listening on ", ", ");
     if (live_page_.empty()) live_page_ = between(line, "live page ", " ");
   });
   wait_until(child, [this] { return !server_address_.empty() && !live_page_.empty(); });
+  server_started_ = steady_clock::now();
 }
 
-void Fleet::start_agent(int robot) {
-  const auto index = static_cast<std::size_t>(robot - 1);
+void Fleet::start_radio() {
+  const ChildProcess& child =
+      launch_service("radio",
+                     {options_.ivfm, "radio", "--faults", options_.radio, "--listen", "127.0.0.1:0",
+                      "--to", server_address_, "--seed", std::to_string(options_.seed),
+                      "--time-scale", shortest(options_.time_scale)},
+                     [this](std::string_view line) {
+                       if (radio_address_.empty())
+                         radio_address_ = between(line, "radio on ", ", ");
+                     });
+  wait_until(child, [this] { return !radio_address_.empty(); });
+  radio_ = services_.back().get();
+}
+
+void Fleet::end_radio_faults() {
+  if (radio_ != nullptr) radio_->send_signal(SIGUSR1);
+}
+
+double Fleet::server_seconds() const {
+  return std::chrono::duration<double>(steady_clock::now() - server_started_).count() *
+         options_.time_scale;
+}
+
+void Fleet::start_agent(int robot, const std::string& start) {
+  const std::size_t index = index_of(robot);
   std::vector<std::string> command{options_.agent};
   std::istringstream connections(connections_[index]);  // --lidar, --can, --start and their values
   std::copy(std::istream_iterator<std::string>(connections), {}, std::back_inserter(command));
+  const auto pose = std::find(command.begin(), command.end(), "--start");
+  if (!start.empty() && pose != command.end()) *std::next(pose) = start;
   for (const std::string& argument :
-       {std::string("--server"), server_address_, std::string("--robot-id"), std::to_string(robot),
-        std::string("--key"),
+       {std::string("--server"), radio_ == nullptr ? server_address_ : radio_address_,
+        std::string("--robot-id"), std::to_string(robot), std::string("--key"),
         (options_.folder / "keys" / ("robot" + std::to_string(robot) + ".key")).string(),
         std::string("--time-scale"), shortest(options_.time_scale), std::string("--dump-map"),
         map_dump(robot).string(), std::string("--telemetry"), std::string("json")}) {
     command.push_back(argument);
   }
   command.insert(command.end(), options_.agent_arguments.begin(), options_.agent_arguments.end());
-  launch("agent" + std::to_string(robot), command, [this, index](std::string_view line) {
+  dismissed_[index] = false;
+  agents_[index].begin();
+  std::string name = "agent" + std::to_string(robot);
+  if (const int starts = agents_[index].starts; starts > 1) name += "." + std::to_string(starts);
+  agents_at_work_[index] = launch(name, command, [this, index](std::string_view line) {
     if (line.starts_with("ivfm-agent: robot")) ++agents_running_;
     agents_[index].take(line, options_.time_scale);
   });
+}
+
+void Fleet::dismiss_agent(int robot) {
+  ChildProcess* const agent = agent_of(robot);
+  if (agent == nullptr) return;
+  dismissed_[index_of(robot)] = true;
+  agent->send_signal(SIGTERM);
+}
+
+void Fleet::kill_agent(int robot) {
+  agents_at_work_[index_of(robot)].reset();
+  agents_[index_of(robot)].state = "crashed";
+  agents_[index_of(robot)].at_work = false;
+  std::filesystem::remove(map_dump(robot));
 }
 
 void Fleet::wait_until(const ChildProcess& child, const std::function<bool()>& ready) {
@@ -182,44 +268,63 @@ void Fleet::wait(milliseconds time) {
 }
 
 void Fleet::check_children() {
-  for (const auto& child : children_) {
+  for (const auto& child : services_) {
     if (const auto code = child->exit_code()) {
       child->read_output();
       throw std::runtime_error(child->name() + " ended with exit code " + std::to_string(*code) +
                                "; its last words: " + child->last_line());
     }
   }
+  for (int robot = 1; robot <= options_.robots; ++robot) check_agent(robot);
+}
+
+// Only a robot that was asked to may end.
+void Fleet::check_agent(int robot) {
+  ChildProcess* const agent = agent_of(robot);
+  if (agent == nullptr) return;
+  const auto code = agent->exit_code();
+  if (!code) return;
+  agent->read_output();
+  if (*code != 0 || !dismissed_[index_of(robot)]) {
+    throw std::runtime_error(agent->name() + " ended with exit code " + std::to_string(*code) +
+                             "; its last words: " + agent->last_line());
+  }
+  agents_at_work_[index_of(robot)].reset();
+  agents_[index_of(robot)].state = "left";
+  agents_[index_of(robot)].at_work = false;
+}
+
+std::vector<ChildProcess*> Fleet::running_agents() {
+  std::vector<ChildProcess*> out;
+  for (const auto& agent : agents_at_work_) {
+    if (agent) out.push_back(agent.get());
+  }
+  return out;
 }
 
 std::vector<ChildProcess*> Fleet::all() {
-  std::vector<ChildProcess*> out;
-  for (const auto& child : children_) out.push_back(child.get());
+  std::vector<ChildProcess*> out = running_agents();
+  for (const auto& child : services_) out.push_back(child.get());
   return out;
 }
 
 bool Fleet::stop() {
-  const auto agents = static_cast<std::size_t>(options_.robots);
-  bool good = stop_last(agents, kGoodbyeTimeout);
-  while (!children_.empty()) good = stop_last(1, seconds(5)) && good;
+  bool good = stop_children(running_agents(), kGoodbyeTimeout);
+  for (ChildProcess* agent : running_agents()) note_end(*agent);
+  for (auto& agent : agents_at_work_) agent.reset();
+  while (!services_.empty()) {
+    good = stop_children({services_.back().get()}, seconds(5)) && good;
+    note_end(*services_.back());
+    services_.pop_back();
+  }
   return good;
 }
 
-// Stops the `count` processes that were started last, and forgets them.
-bool Fleet::stop_last(std::size_t count, milliseconds grace) {
-  std::vector<ChildProcess*> last;
-  for (std::size_t i = children_.size() - count; i < children_.size(); ++i) {
-    last.push_back(children_[i].get());
-  }
-  const bool good = stop_children(last, grace);
-  for (ChildProcess* child : last) {
-    const int code = child->exit_code().value_or(-1);
-    if (code != 0 && failure_.empty()) {
-      failure_ = child->name() + " ended with exit code " + std::to_string(code) +
-                 "; its last words: " + child->last_line();
-    }
-  }
-  children_.resize(children_.size() - count);
-  return good;
+void Fleet::note_end(ChildProcess& child) {
+  const int code = child.exit_code().value_or(-1);
+  if (code == 0 || !failure_.empty()) return;
+  failure_ = child.name() + " ended with exit code " + std::to_string(code) +
+             "; its last words: " + child.last_line();
 }
 
 }  // namespace ivfm::host

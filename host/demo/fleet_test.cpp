@@ -53,6 +53,7 @@ sim) echo "robot 1: --lidar L1 --can C1 --start 1,2,3"
      echo "robot 2: --lidar L2 --can C2 --start 4,5,6"
      echo "simulation ready"
      echo "collision: robot 2 at 0,0 after 1 s" ;;
+radio) echo "radio on 127.0.0.1:4323, to 127.0.0.1:4321" ;;
 serve)
   echo "listening on 127.0.0.1:4321, writing run.db"
   echo "live page http://127.0.0.1:4322/#token=secret" ;;
@@ -114,6 +115,36 @@ TEST_F(FleetTest, StartsEachWithWhatTheOthersSaidAndStopsAll) {
   EXPECT_THAT(read("logs/agent2.log"),
               HasSubstr("--lidar L2 --can C2 --start 4,5,6 --server 127.0.0.1:4321 --robot-id 2"));
   EXPECT_THAT(read("logs/agent2.log"), HasSubstr("--profile robot"));
+}
+
+TEST_F(FleetTest, RobotsJoinLateLeaveCrashAndComeBack) {
+  FleetOptions late = options();
+  late.late = {2};
+  late.radio = "drop=0.3";
+  Fleet fleet(late, interrupted_);
+  const auto wait_for = [&fleet](const auto& condition) {
+    for (int i = 0; i < 500 && !condition(); ++i) fleet.wait(milliseconds(20));
+    return condition();
+  };
+  const AgentReport &first = fleet.agents()[0], &second = fleet.agents()[1];
+  fleet.start();
+  EXPECT_EQ(survivors(), 5);  // three services, the radio and a robot
+  EXPECT_EQ(second.state, "not there");
+  fleet.start_agent(2);
+  ASSERT_TRUE(wait_for([&] { return second.driven_m > 0; }));
+  fleet.dismiss_agent(1);
+  ASSERT_TRUE(wait_for([&] { return !first.at_work; }));
+  EXPECT_EQ(first.state, "left");
+  fleet.kill_agent(2);
+  EXPECT_EQ(second.state, "crashed");
+  EXPECT_EQ(survivors(), 4);
+  fleet.start_agent(2, "7,8,9");
+  ASSERT_TRUE(wait_for([&] { return second.driven_m > 1.25; }));
+  EXPECT_DOUBLE_EQ(second.driven_m, 2.5);  // in both its lives
+  EXPECT_EQ(second.starts, 2);
+  EXPECT_TRUE(fleet.stop()) << fleet.failure();
+  EXPECT_EQ(survivors(), 0);
+  EXPECT_THAT(read("logs/agent2.2.log"), HasSubstr("--start 7,8,9 --server 127.0.0.1:4323"));
 }
 
 TEST_F(FleetTest, AnInterruptionAtAnyMomentLeavesNoProcess) {

@@ -152,7 +152,8 @@ MapDump load_map_dump(const std::filesystem::path& file) {
 }
 
 MapComparison compare_with_dumps(const std::filesystem::path& database,
-                                 const std::vector<std::filesystem::path>& dumps) {
+                                 const std::vector<std::filesystem::path>& dumps,
+                                 const std::set<std::uint16_t>& crashed) {
   Comparator comparator;
   const LayerMap merged = load_merged_map(database);
   CellRect everything = merged.bounds;
@@ -178,7 +179,7 @@ MapComparison compare_with_dumps(const std::filesystem::path& database,
     const std::string who = "robot " + std::to_string(robot);
     const auto dump = held.find(robot);
     if (dump == held.end()) {
-      comparator.note(who + " has no dump");
+      if (!crashed.contains(robot)) comparator.note(who + " has no dump");
       continue;
     }
     for_each_cell(dump->second.bounds, [&](Layer layer, Cell cell) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -58,8 +59,9 @@ struct MapComparison {
 
 // Whether the server holds, cell for cell in every dump's window, what the robot held, and whether
 // the merged map is the sum over the robots. A robot without a dump, or a dump without a robot, is
-// a difference too. Throws as above.
+// a difference too; but robots that have `crashed` have no dump. Throws as above.
 MapComparison compare_with_dumps(const std::filesystem::path& database,
-                                 const std::vector<std::filesystem::path>& dumps);
+                                 const std::vector<std::filesystem::path>& dumps,
+                                 const std::set<std::uint16_t>& crashed = {});
 
 }  // namespace ivfm::host

@@ -49,18 +49,24 @@ int run(const RadioProxyOptions& options) {
 
 // One flag a fault: `--drop 0.3` is drop=0.3, `--partition 30s+60s` is partition@30s+60s.
 void add_fault_options(CLI::App& command, RadioFaults& faults) {
-  const auto add = [&](const std::string& name, char sign, const char* help) {
-    const auto take = [&faults, name, sign](const std::vector<std::string>& values) {
-      for (const std::string& value : values) {
-        try {
-          add_radio_fault(faults, name + sign + value);
-        } catch (const std::invalid_argument& error) {
-          throw CLI::ValidationError("--" + name, error.what());
-        }
-      }
-    };
-    command.add_option_function<std::vector<std::string>>("--" + name, take, help);
+  const auto take = [&faults](const std::string& flag, const std::string& text) {
+    try {
+      add_radio_faults(faults, text);
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError(flag, error.what());
+    }
   };
+  const auto add = [&](const std::string& name, char sign, const char* help) {
+    command.add_option_function<std::vector<std::string>>(
+        "--" + name,
+        [take, name, sign](const std::vector<std::string>& values) {
+          for (const std::string& value : values) take("--" + name, name + sign + value);
+        },
+        help);
+  };
+  command.add_option_function<std::string>(
+      "--faults", [take](const std::string& text) { take("--faults", text); },
+      "several at once, such as drop=0.3,jitter=200ms,partition@30s+60s");
   add("drop", '=', "probability 0 .. 1 that a datagram is lost");
   add("duplicate", '=', "that it arrives twice");
   add("reorder", '=', "that it is held back for up to 500 ms, so that later ones overtake it");

@@ -68,20 +68,19 @@ bool take_value(RadioFaults& faults, std::string_view text, std::string_view& re
   return true;
 }
 
-}  // namespace
-
-void add_radio_fault(RadioFaults& faults, std::string_view text) {
+void add_one(RadioFaults& faults, std::string_view text) {
   std::string_view rest = text;
   if (!take_value(faults, text, rest)) fail(text, "the name is unknown");
   if (!rest.empty()) fail(text, "'" + std::string(rest) + "' is left over");
 }
 
-RadioFaults parse_radio_faults(std::string_view text) {
-  RadioFaults faults;
+}  // namespace
+
+void add_radio_faults(RadioFaults& faults, std::string_view text) {
   while (true) {
     const std::size_t comma = text.find(',');
-    add_radio_fault(faults, text.substr(0, comma));
-    if (comma == std::string_view::npos) return faults;
+    add_one(faults, text.substr(0, comma));
+    if (comma == std::string_view::npos) return;
     text.remove_prefix(comma + 1);
   }
 }

@@ -7,13 +7,10 @@
 
 namespace ivfm::host {
 
-// Adds one fault to `faults`: drop=P, duplicate=P, reorder=P, corrupt=P or truncate=P with a
-// probability 0 .. 1; delay=T or jitter=T with a time such as 20ms; rate=N in bytes per second;
-// partition@BEGIN[+LENGTH] with times such as 30s (without a length: to the end). Throws
-// std::invalid_argument with a sentence that quotes the text and says what is allowed.
-void add_radio_fault(RadioFaults& faults, std::string_view text);
-
-// The same for several, separated by commas.
-RadioFaults parse_radio_faults(std::string_view text);
+// Adds faults to `faults`, separated by commas: drop=P, duplicate=P, reorder=P, corrupt=P or
+// truncate=P with a probability 0 .. 1; delay=T or jitter=T with a time such as 20ms; rate=N in
+// bytes per second; partition@BEGIN[+LENGTH] with times such as 30s (without a length: to the end).
+// Throws std::invalid_argument with a sentence that quotes the text and says what is allowed.
+void add_radio_faults(RadioFaults& faults, std::string_view text);
 
 }  // namespace ivfm::host

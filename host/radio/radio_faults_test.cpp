@@ -12,7 +12,9 @@ namespace ivfm::host {
 namespace {
 
 TEST(RadioFaults, ReadsEveryFault) {
-  const RadioFaults faults = parse_radio_faults(
+  RadioFaults faults;
+  add_radio_faults(
+      faults,
       "drop=0.3,duplicate=0.1,reorder=0.2,corrupt=0.01,truncate=1,delay=20ms,jitter=1.5s,"
       "rate=10000,partition@30s+60s,partition@200s");
   EXPECT_DOUBLE_EQ(faults.drop, 0.3);
@@ -34,7 +36,8 @@ TEST(RadioFaults, SaysWhatIsWrongAndWhatWouldBeRight) {
        {"", "drop", "drop=", "drop=1.1", "drop=-1", "drop=0.1x", "drop=0.1,", "delay=20", "rate=0",
         "jitter=1m", "partition", "partition@", "partition@1s+", "partition=1s", "dorp=0.1"}) {
     try {
-      parse_radio_faults(text);
+      RadioFaults faults;
+      add_radio_faults(faults, text);
       ADD_FAILURE() << text;
     } catch (const std::invalid_argument& error) {
       EXPECT_THAT(error.what(), testing::HasSubstr("partition@30s+60s")) << text;
@@ -49,7 +52,8 @@ TEST(RadioFaults, RandomTextNeverCrashes) {
     std::string text = random() % 2 ? "drop=" : "partition@";
     for (std::size_t n = random() % 12; n > 0; --n) text += alphabet[random() % alphabet.size()];
     try {
-      parse_radio_faults(text);
+      RadioFaults faults;
+      add_radio_faults(faults, text);
     } catch (const std::invalid_argument&) {
     }
   }

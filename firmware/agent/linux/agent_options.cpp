@@ -52,6 +52,8 @@ const std::array kOptions{
     Option{"localization", &AgentOptions::localization,
            "odometry, or matching: scans against the map correct it"},
     Option{"start", StartPose{}, "Pose at start-up: X,Y,HEADING in metres and degrees"},
+    Option{"target", &AgentOptions::target,
+           "X,Y in metres: the robot that sees this place ends the search for all"},
     Option{"return-home", &AgentOptions::return_home, "Drive back to the start when done"},
     Option{"time-scale", &AgentOptions::time_scale, "Run the clock this many times faster", 0.1,
            100},
@@ -111,8 +113,9 @@ TelemetryFormat to_telemetry(const std::string& text, const Place& place) {
   place.fail("'" + text + "' is no telemetry format; right is line, json or off");
 }
 
+constexpr double kFarthestM = 2'000;  // micrometres in 32 bits reach 2.1 km
+
 void set_start(AgentOptions& options, const std::array<double, 3>& pose, const Place& place) {
-  constexpr double kFarthestM = 2'000;  // micrometres in 32 bits reach 2.1 km
   for (const double value : pose) {
     if (!std::isfinite(value)) place.fail("right are three finite numbers: X,Y,HEADING");
   }
@@ -290,12 +293,28 @@ void check_together(const AgentOptions& options) {
   if (options.radio_rate != 0 && options.radio_rate < 1000) {
     throw OptionsError("radio-rate: right is 0 for no limit, or 1000 bytes a second at least");
   }
+  if (!options.target.empty() && !parse_place(options.target)) {
+    throw OptionsError("target: '" + options.target + "' is not X,Y, for example 12.5,-3");
+  }
   if (!options.server.empty() && !is_host_and_port(options.server)) {
     throw OptionsError("server: '" + options.server + "' is not HOST:PORT");
   }
 }
 
 }  // namespace
+
+std::optional<std::array<double, 2>> parse_place(const std::string& text) {
+  std::array<double, 2> place{};
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  for (std::size_t i = 0; i < place.size(); ++i) {
+    if (i > 0 && (at == end || *at++ != ',')) return std::nullopt;
+    const auto [after, error] = std::from_chars(at, end, place[i]);
+    if (error != std::errc() || !(std::abs(place[i]) <= kFarthestM)) return std::nullopt;
+    at = after;
+  }
+  return at == end ? std::optional(place) : std::nullopt;
+}
 
 void apply_toml(AgentOptions& options, const std::string& text, const std::string& file_name) {
   toml::table table;

@@ -1,6 +1,7 @@
 // The options of ivfm-agent: from the command line and a TOML file.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
@@ -26,6 +27,7 @@ struct AgentOptions {
   double start_x_m = 0;  // pose in the map at start-up
   double start_y_m = 0;
   double start_heading_deg = 0;
+  std::string target;        // X,Y in metres: the search is over once it was seen; empty: none
   bool return_home = false;  // drives back to the start when all is explored
   double time_scale = 1;     // the agent's clock runs this many times faster
   double visit_range_m = 3;  // footprint of a visit: reach and angle, centred ahead
@@ -46,6 +48,9 @@ class OptionsError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
+
+// The place that "X,Y" names, in metres; no value when it is none within 2000 m of the origin.
+std::optional<std::array<double, 2>> parse_place(const std::string& text);
 
 // The command line; flags win over the file named by --config. No value: --help or --version was
 // asked for and printed; the program is done. Throws OptionsError.

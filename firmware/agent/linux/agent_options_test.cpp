@@ -185,6 +185,10 @@ TEST(AgentOptions, MistakesInFlagsNameTheFlagAndWhatWouldBeRight) {
               HasSubstr("not HOST:PORT"));
   EXPECT_THAT(error_of_flags({"--speed", "1"}), HasSubstr("--help lists the options"));
   EXPECT_THAT(error_of_flags({"--config", "/no/such/file"}), HasSubstr("cannot read /no/such"));
+  for (const char* place : {"1", "1,", ",1", "1,2,3", "1;2", "nan,1", "1,3000"}) {
+    EXPECT_THAT(error_of_flags({"--can", "socketcan:can0", "--target", place}),
+                HasSubstr("is not X,Y"));
+  }
   EXPECT_THAT(error_of_flags({"--can", "socketcan:can0", "--radio-rate", "999"}),
               HasSubstr("1000 bytes a second at least"));
 }

@@ -73,6 +73,9 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
   config.start = {{to_um(options.start_x_m), to_um(options.start_y_m)},
                   BinaryAngle::from_degrees(options.start_heading_deg)};
   config.max_action_travel_um = to_um(options.visit_range_m / 2);
+  if (const auto target = parse_place(options.target)) {
+    config.target = Point{to_um((*target)[0]), to_um((*target)[1])};
+  }
   return config;
 }
 

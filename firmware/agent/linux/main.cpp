@@ -29,7 +29,7 @@ namespace {
 
 constexpr TimeUs kPeriodUs = 10'000;
 constexpr TimeUs kTelemetryPeriodUs = 1'000'000;
-constexpr TimeUs kGoodbyeUs = 10'000'000;  // at most so long to hand the last changes over
+constexpr TimeUs kGoodbyeUs = 40'000'000;  // at most so long to hand the last changes over
 
 volatile std::sig_atomic_t stop_signal = 0;
 
