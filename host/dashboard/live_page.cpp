@@ -182,7 +182,8 @@ class LivePage::Server {
     }
     const auto command = parse_command(request.body);
     if (!command) {
-      answer(kBadRequest, "the body must be {\"command\": \"start\", \"pause\", \"stop\" or \"return\"}");
+      answer(kBadRequest,
+             "the body must be {\"command\": \"start\", \"pause\", \"stop\" or \"return\"}");
       return;
     }
     const std::lock_guard lock(mutex_);

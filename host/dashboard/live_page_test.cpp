@@ -68,8 +68,8 @@ TEST_F(LivePageTest, ServesItsFilesAndForbidsOtherHosts) {
   EXPECT_THAT(html, StartsWith("HTTP/1.1 200"));
   EXPECT_THAT(html, HasSubstr("default-src 'none'"));
   EXPECT_THAT(html, HasSubstr("<title>ivfm: live map</title>"));
-  for (const char* file :
-       {"/page.css", "/page.js", "/colours.js", "/charts.js", "/local_pictures.js", "/map_view.js", "/run_model.js"}) {
+  for (const char* file : {"/page.css", "/page.js", "/colours.js", "/charts.js",
+                           "/local_pictures.js", "/map_view.js", "/run_model.js"}) {
     EXPECT_THAT(get(page_, file), StartsWith("HTTP/1.1 200")) << file;
   }
   EXPECT_THAT(get(page_, "/../../etc/passwd"), StartsWith("HTTP/1.1 404"));
