@@ -27,7 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kSeed = 7;
+constexpr std::uint64_t kSeed = 8;
 constexpr std::size_t kMaxFileBytes = 1'450'000;
 constexpr std::uint32_t kMaxDecisions = 300;
 constexpr std::uint32_t kArenaDecisions = 200;
