@@ -3,6 +3,7 @@ import dataclasses
 import math
 
 MARKER = 0x7F0       # put on the bus by the simulator: event number, 1 begin or 0 end
+FINISH = 0xFF        # the event number of the scenario's end: from here on the agent is stopped
 METRES_PER_COUNT = math.tau * 0.033 / 4096
 OPERATION_ENABLED = (0x6F, 0x27)   # statusword's mask and value, CiA 402-2 table 30
 ENABLE_OPERATION = (0x0F, 0x0F)    # controlword's, table 27
@@ -65,7 +66,7 @@ class Record:
     """The run as changes: when the wheels were driven and when they stood."""
     driven: list        # (seconds, both last words: some wheel is driven)
     marks: dict         # (event number, begins) -> seconds
-    end: float
+    end: float          # of the scenario, or of the record
     metres: float       # mean of both wheels, backward driving counts negative
 
     def stop_after(self, begin, end):
@@ -122,7 +123,8 @@ def read_record(text):
         now = any(drive.driven() for drive in drives)
         if not driven or driven[-1][1] != now:
             driven.append((time, now))
-    return Record(driven, marks, time, sum(d.counts for d in drives) / 2 * METRES_PER_COUNT)
+    end = marks.get((FINISH, True), time)
+    return Record(driven, marks, end, sum(d.counts for d in drives) / 2 * METRES_PER_COUNT)
 
 
 @dataclasses.dataclass
@@ -155,7 +157,9 @@ def judge_event(event, number, record):
         verdicts.append(_limit("drive again", record.first_drive_after(since),
                                event["resume_within_s"], "s", 1))
     if "longest_stop_ms" in event:
-        until = min(record.end, (end if end is not None else begin) + event.get("watch_s", 5))
+        following = record.marks.get((number + 1, True), record.end)
+        until = min(record.end, following,
+                    (end if end is not None else begin) + event.get("watch_s", 5))
         verdicts.append(_limit("longest stop", record.longest_stop(begin, until),
                                event["longest_stop_ms"], "ms", 1000))
     return verdicts

@@ -69,6 +69,15 @@ class JudgeTest(unittest.TestCase):
         event["longest_stop_ms"] = 180
         self.assertEqual(verdicts(event, *stop), [False])
 
+    def test_what_follows_an_event_is_not_held_against_it(self):
+        stopped_for_good = [*drive(0), (10, "7F0#0001"), (100, "7F0#0000"),
+                            *drive(600, STANDS, STANDS), (5000, "080#")]
+        event = {"longest_stop_ms": 200}
+        self.assertEqual(verdicts(event, *stopped_for_good), [False])
+        for mark in ("7F0#FF01", "7F0#0101"):  # the scenario's end, the next event
+            self.assertEqual(verdicts(event, *stopped_for_good[:-5], (500, mark),
+                                      *stopped_for_good[-5:]), [True])
+
     def test_a_jump_of_the_clock_is_taken_out(self):
         text = record(*drive(0), (10, "7F0#0001"))
         text += record(*drive(3_600_010, STANDS, STANDS), (3_600_500, "7F0#0000"),

@@ -143,7 +143,7 @@ void Agent::obey_commands() {
 
 // i-VFM state -> Q values -> goal -> path.
 void Agent::choose_goal(TimeUs now_us) {
-  if (!supervisor_.may_move()) {
+  if (!supervisor_.may_move() && !looks_again(now_us)) {
     follower_.cancel();
     acting_ = false;
     return;
@@ -152,6 +152,7 @@ void Agent::choose_goal(TimeUs now_us) {
   if (!has_scan_) return;
   if (acting_) share_map();
   acting_ = false;
+  decided_us_ = now_us;
   decide();
   if (decision_.kind == Decision::Kind::kExplored) {
     follower_.cancel();
@@ -159,8 +160,15 @@ void Agent::choose_goal(TimeUs now_us) {
     (void)supervisor_.request(returning ? RobotEvent::kHome : RobotEvent::kMapExplored);
     return;
   }
-  if (decision_.kind == Decision::Kind::kReturn) (void)supervisor_.request(RobotEvent::kReturn);
+  const bool home = decision_.kind == Decision::Kind::kReturn;
+  (void)supervisor_.request(home ? RobotEvent::kReturn : RobotEvent::kExplore);  // or goes on
   begin_action(now_us);
+}
+
+// Nothing was left to explore; since then the map may have grown, or who stood in the way has left.
+bool Agent::looks_again(TimeUs now_us) const {
+  return supervisor_.state() == RobotState::kExplored &&
+         now_us - decided_us_ >= config_.look_again_us;
 }
 
 void Agent::decide() {

@@ -36,6 +36,7 @@ struct AgentConfig {
   std::int32_t max_action_travel_um = 1'500'000;
   TimeUs max_hold_us = 1'000'000;      // held back by an obstacle for longer: another goal
   TimeUs share_period_us = 2'000'000;  // changes of the map go to the link at least so often
+  TimeUs look_again_us = 2'000'000;    // a robot that sees nothing left to explore looks again
   std::optional<Point> target;         // found, and the search over, once its cell was seen
 };
 
@@ -103,6 +104,7 @@ class Agent {
   void exchange_maps(TimeUs now_us);
   void obey_commands();
   void choose_goal(TimeUs now_us);
+  bool looks_again(TimeUs now_us) const;
   void drive(TimeUs now_us);
 
   void decide();
@@ -134,6 +136,7 @@ class Agent {
   bool acting_ = false;
   std::uint64_t action_start_um_ = 0;
   bool stuck_ = false;
+  TimeUs decided_us_ = 0;
   TimeUs held_for_us_ = 0;  // by an obstacle, without a break
   TimeUs driven_us_ = 0;
   Velocity commanded_{};

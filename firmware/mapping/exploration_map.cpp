@@ -153,6 +153,7 @@ void ExplorationMap::add_evidence(Cell c, int evidence) {
   std::int8_t& cell = layers_.occupancy[frame_.index_of(c)];
   cell = static_cast<std::int8_t>(std::clamp(cell + evidence, occupancy::kMin, occupancy::kMax));
   update_obstacle(c, cell_flag::kOwnObstacle, cell > 0);
+  if (cell == occupancy::kMin) update_obstacle(c, cell_flag::kPeerObstacle, false);
   known_ = known_.united(c);
 }
 
@@ -162,6 +163,7 @@ void ExplorationMap::add_miss_at(std::size_t index, Cell c) {
   if (cell <= occupancy::kMin) return;
   cell = static_cast<std::int8_t>(cell + occupancy::kMiss);
   if (cell == 0) update_obstacle(c, cell_flag::kOwnObstacle, false);
+  if (cell == occupancy::kMin) update_obstacle(c, cell_flag::kPeerObstacle, false);
 }
 
 void ExplorationMap::add_misses_on_line(Cell a, Cell b) {
@@ -251,10 +253,12 @@ Status ExplorationMap::write_peers(Layer layer, const CellRect& rect,
       const std::uint8_t value =
           cells[static_cast<std::size_t>(y - rect.y) * static_cast<std::size_t>(rect.width) +
                 static_cast<std::size_t>(x - rect.x)];
+      const std::size_t i = frame_.index_of({x, y});
       if (layer == Layer::kVisits) {
-        layers_.peer_visits[frame_.index_of({x, y})] = value;
+        layers_.peer_visits[i] = value;
       } else {
-        update_obstacle({x, y}, cell_flag::kPeerObstacle, value != 0);
+        const bool seen_free = layers_.occupancy[i] == occupancy::kMin;
+        update_obstacle({x, y}, cell_flag::kPeerObstacle, value != 0 && !seen_free);
       }
     }
   }

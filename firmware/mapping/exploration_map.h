@@ -24,8 +24,10 @@ inline constexpr int kMin = -4;   // one hit turns the freest cell into an obsta
 
 // Bits of the flags layer.
 namespace cell_flag {
-inline constexpr std::uint8_t kOwnObstacle = 1;   // own evidence says occupied
-inline constexpr std::uint8_t kPeerObstacle = 2;  // another robot says occupied
+inline constexpr std::uint8_t kOwnObstacle = 1;  // own evidence says occupied
+// Another robot says occupied, and this one has not seen for itself that it is free: what others
+// saw may have moved since, or have been this very robot.
+inline constexpr std::uint8_t kPeerObstacle = 2;
 inline constexpr std::uint8_t kSeenThisAction =
     4;                                           // already counted in this action's union of views
 inline constexpr std::uint8_t kHitThisScan = 8;  // a beam of the scan being fused ends here

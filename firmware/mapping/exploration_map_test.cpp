@@ -66,6 +66,21 @@ TEST_F(ExplorationMapTest, AnObstacleStaysWhileAnyRobotSaysSo) {
   EXPECT_FALSE(map_.is_blocked({2, 2}));
 }
 
+// Another robot takes this one for an obstacle, or saw a third one that has left.
+TEST_F(ExplorationMapTest, WhatOthersSayIsNoObstacleWhereTheRobotHasSeenFreeGround) {
+  const std::vector<std::uint8_t> obstacle{1};
+  ASSERT_TRUE(ok(map_.write_peers(Layer::kObstacles, {2, 2, 1, 1}, obstacle)));
+  for (int scan = 0; scan < 3; ++scan) map_.add_misses_on_line({2, 2}, {3, 2});
+  EXPECT_TRUE(map_.is_obstacle({2, 2})) << "three glances are not enough";
+  map_.add_misses_on_line({2, 2}, {3, 2});
+  EXPECT_FALSE(map_.is_obstacle({2, 2}));
+  EXPECT_FALSE(map_.is_blocked({2, 2}));
+  ASSERT_TRUE(ok(map_.write_peers(Layer::kObstacles, {2, 2, 1, 1}, obstacle)));
+  EXPECT_FALSE(map_.is_obstacle({2, 2})) << "nor when they say so again";
+  map_.add_evidence({2, 2}, occupancy::kHit);
+  EXPECT_TRUE(map_.is_obstacle({2, 2})) << "but its own eyes";
+}
+
 TEST_F(ExplorationMapTest, ChangesAreTheBoundingRectangleOfOwnCellsOnly) {
   map_.count_visit({-3, 2});
   map_.count_visit({4, -1});

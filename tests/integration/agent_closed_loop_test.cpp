@@ -172,6 +172,19 @@ class AgentInARoom : public testing::Test {
     }
     return false;
   }
+  // Puts obstacles where `there`(x, y in metres) says so.
+  template <typename Place>
+  void put_up(Place there) {
+    for (std::int32_t row = 0; row < world_->height; ++row) {
+      for (std::int32_t column = 0; column < world_->width; ++column) {
+        const double x = (world_->origin.x_um + (column + 0.5) * world_->cell_um) * 1e-6;
+        const double y = (world_->origin.y_um + (row + 0.5) * world_->cell_um) * 1e-6;
+        if (!there(x, y)) continue;
+        world_->occupied[static_cast<std::size_t>(row * world_->width + column)] = 1;
+      }
+    }
+    rays_ = std::make_shared<RayCaster>(world_);
+  }
   bool wheels_turn() const { return left_.wheel_speed() != 0 || right_.wheel_speed() != 0; }
   bool drives_straight() const {
     return left_.wheel_speed() > 3'000 && right_.wheel_speed() > 3'000;
@@ -272,18 +285,22 @@ TEST_F(AgentInARoom, StopsBeforeAnObstacleThatAppearsInItsWay) {
   const double ahead = body_.shape().radius_m + 0.2 + 0.05;
   const double x = pose.x_m + ahead * std::cos(pose.heading_rad);
   const double y = pose.y_m + ahead * std::sin(pose.heading_rad);
-  for (std::int32_t row = 0; row < world_->height; ++row) {
-    for (std::int32_t column = 0; column < world_->width; ++column) {
-      const double cx = (world_->origin.x_um + (column + 0.5) * world_->cell_um) * 1e-6;
-      const double cy = (world_->origin.y_um + (row + 0.5) * world_->cell_um) * 1e-6;
-      if (std::abs(cx - x) < 0.05 && std::abs(cy - y) < 0.05) {
-        world_->occupied[static_cast<std::size_t>(row * world_->width + column)] = 1;
-      }
-    }
-  }
-  rays_ = std::make_shared<RayCaster>(world_);
+  put_up([&](double cx, double cy) { return std::abs(cx - x) < 0.05 && std::abs(cy - y) < 0.05; });
   run_for(60 * kSecondUs);
   EXPECT_EQ(body_.collisions(), 0);
+}
+
+// As when other robots stand around it: there is nothing to do until they have left.
+TEST_F(AgentInARoom, GoesOnWhenWhatBoxedItInHasLeft) {
+  const World room = *world_;
+  put_up([](double x, double y) { return std::abs(std::hypot(x - 0.5, y - 0.5) - 0.3) < 0.05; });
+  ASSERT_TRUE(run_until([&] { return agent().state() == RobotState::kExplored; }, 60 * kSecondUs));
+  run_for(10 * kSecondUs);
+  EXPECT_EQ(agent().state(), RobotState::kExplored);
+  *world_ = room;
+  rays_ = std::make_shared<RayCaster>(world_);
+  EXPECT_TRUE(run_until([&] { return body_.travelled_m() > 2; }, 60 * kSecondUs));
+  EXPECT_EQ(allocations_, 0u);
 }
 
 TEST_F(AgentInARoom, StopsOnAStopCommandForGood) {

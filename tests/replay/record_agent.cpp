@@ -113,8 +113,7 @@ void record_corridor(const std::vector<std::uint8_t>& model, const fs::path& out
   TimeUs now_us = 5'000'000;
   const TimeUs begin_us = now_us;
   while (recorded.writer().size() < kMaxFileBytes &&
-         recorded.agent().progress().actions < kMaxDecisions && now_us < kLongestUs &&
-         recorded.agent().state() != RobotState::kExplored) {
+         recorded.agent().progress().actions < kMaxDecisions && now_us < kLongestUs) {
     now_us += kTickUs;
     for (const auto& robot : robots) robot->tick(now_us);
     if (now_us % 20'000 == 0) team.exchange(now_us);
