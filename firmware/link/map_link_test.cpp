@@ -9,60 +9,16 @@
 #include <vector>
 
 #include "firmware/hal/fake/fake_datagram.h"
+#include "tests/support/fake_map.h"
 
 namespace ivfm {
 namespace {
 
+using fake::for_each_cell;
+using fake::SmallMap;
+
 constexpr TimeUs kSecond = 1000000;
 constexpr TimeUs kTick = 50000;
-
-// A robot's map for tests: a small window with its own cells and what the others saw.
-class TestMap final : public SharedMap {
- public:
-  explicit TestMap(const CellRect& window) : frame_(50000, window) {
-    for (auto& layer : own_) layer.resize(frame_.size());
-    for (auto& layer : peers_) layer.resize(frame_.size());
-  }
-  Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const override {
-    if (!frame_.window().contains(rect)) return Status::kOutOfRange;
-    std::size_t i = 0;
-    for_each(rect, [&](Cell c) { out[i++] = own_[at(layer)][frame_.index_of(c)]; });
-    return Status::kOk;
-  }
-  Status write_peers(Layer layer, const CellRect& rect,
-                     std::span<const std::uint8_t> cells) override {
-    std::size_t i = 0;
-    for_each(rect, [&](Cell c) {
-      if (frame_.contains(c)) peers_[at(layer)][frame_.index_of(c)] = cells[i];
-      ++i;
-    });
-    return Status::kOk;
-  }
-  Status restore_own(Layer layer, const CellRect& rect,
-                     std::span<const std::uint8_t> cells) override {
-    std::size_t i = 0;
-    for_each(rect, [&](Cell c) {
-      if (frame_.contains(c)) own(layer, c) = static_cast<std::uint8_t>(own(layer, c) + cells[i]);
-      ++i;
-    });
-    return Status::kOk;
-  }
-  std::uint8_t& own(Layer layer, Cell c) { return own_[at(layer)][frame_.index_of(c)]; }
-  std::uint8_t peers(Layer layer, Cell c) const { return peers_[at(layer)][frame_.index_of(c)]; }
-  const CellRect& window() const { return frame_.window(); }
-
-  template <typename Visit>
-  static void for_each(const CellRect& rect, Visit visit) {
-    for (std::int32_t y = rect.y; y < rect.top(); ++y) {
-      for (std::int32_t x = rect.x; x < rect.right(); ++x) visit(Cell{x, y});
-    }
-  }
-
- private:
-  static std::size_t at(Layer layer) { return static_cast<std::size_t>(layer); }
-  GridFrame frame_;
-  std::array<std::vector<std::uint8_t>, kLayerCount> own_, peers_;
-};
 
 // What the real server does, in its simplest form: welcome, merge, acknowledge, hand cells back.
 class ServerModel {
@@ -150,7 +106,7 @@ class ServerModel {
         return;
       }
       std::size_t i = 0;
-      TestMap::for_each(region->rect, [&](Cell c) {
+      for_each_cell(region->rect, [&](Cell c) {
         auto& [newest, value] = cells_[{region->layer, c.x, c.y}];
         const std::uint8_t sent = region->cells[i++];
         if (region->layer == Layer::kVisits) {
@@ -192,12 +148,12 @@ class MapLinkTest : public testing::Test {
     }
   }
   void visit(const CellRect& rect) {
-    TestMap::for_each(rect, [&](Cell c) { ++map_.own(Layer::kVisits, c); });
+    map_.visit(rect);
     link_.mark_dirty(Layer::kVisits, rect);
   }
   void expect_server_has_everything() {
     for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
-      TestMap::for_each(map_.window(), [&](Cell c) {
+      for_each_cell(map_.window(), [&](Cell c) {
         ASSERT_EQ(server_.value(layer, c), map_.own(layer, c)) << c.x << ' ' << c.y;
       });
     }
@@ -205,7 +161,7 @@ class MapLinkTest : public testing::Test {
 
   TimeUs now_ = 5 * kSecond;
   FakeRadio radio_{1};
-  TestMap map_{{-50, -40, 300, 90}};
+  SmallMap map_{{-50, -40, 300, 90}};
   MapLink link_{map_, radio_.robot(), config()};
   ServerModel server_{radio_.server(), 100};
 };
@@ -273,9 +229,9 @@ TEST_F(MapLinkTest, ASilentServerIsAskedEverMoreSeldomAndNothingIsLost) {
 
 TEST_F(MapLinkTest, AHugeRectangleOfNoiseIsSplitBelow1200Bytes) {
   std::mt19937 random(3);
-  TestMap::for_each(map_.window(), [&](Cell c) {
-    map_.own(Layer::kVisits, c) = static_cast<std::uint8_t>(random() & 0xffu);
-    map_.own(Layer::kObstacles, c) = static_cast<std::uint8_t>(random() & 1u);
+  for_each_cell(map_.window(), [&](Cell c) {
+    map_.set_own(Layer::kVisits, c, static_cast<std::uint8_t>(random() & 0xffu));
+    map_.set_own(Layer::kObstacles, c, static_cast<std::uint8_t>(random() & 1u));
   });
   link_.mark_dirty(Layer::kVisits, map_.window());
   link_.mark_dirty(Layer::kObstacles, map_.window());
@@ -527,14 +483,14 @@ TEST_F(MapLinkTest, WhatLeavesTheWindowIsGivenUpAndCounted) {
 
 TEST(MapLinkRate, StaysBelowTheConfiguredRate) {
   FakeRadio radio(1);
-  TestMap map({0, 0, 250, 250});
+  SmallMap map({0, 0, 250, 250});
   MapLinkConfig config;
   config.bytes_per_second = 1000;
   MapLink link(map, radio.robot(), config);
   ServerModel server(radio.server(), 1);
   std::mt19937 random(5);
-  TestMap::for_each(map.window(), [&](Cell c) {
-    map.own(Layer::kVisits, c) = static_cast<std::uint8_t>(random() & 0xffu);
+  for_each_cell(map.window(), [&](Cell c) {
+    map.set_own(Layer::kVisits, c, static_cast<std::uint8_t>(random() & 0xffu));
   });
   link.mark_dirty(Layer::kVisits, map.window());
   for (TimeUs now = 0; now < 60 * kSecond; now += kTick) {
@@ -558,7 +514,7 @@ TEST(MapLinkProperty, AfterTheRadioIsBackTheServersMapIsTheRobots) {
     FakeRadio radio(
         seed + 1000,
         {.drop = 0.3, .duplicate = 0.1, .corrupt = 0.05, .truncate = 0.05, .jitter_us = 400000});
-    TestMap map({-60, -60, 120, 120});
+    SmallMap map({-60, -60, 120, 120});
     MapLinkConfig config;
     config.batch_period_us = 200000 + random() % 1000000;
     MapLink link(map, radio.robot(), config);
@@ -575,14 +531,13 @@ TEST(MapLinkProperty, AfterTheRadioIsBackTheServersMapIsTheRobots) {
                             static_cast<std::int32_t>(random() % 100) - 60,
                             static_cast<std::int32_t>(1 + random() % 20),
                             static_cast<std::int32_t>(1 + random() % 20)};
-        TestMap::for_each(rect, [&](Cell c) {
-          std::uint8_t& value = map.own(layer, c);
-          if (layer == Layer::kObstacles) {
-            value = static_cast<std::uint8_t>(random() & 1u);
-          } else if (value < 255) {
-            ++value;
-          }
-        });
+        if (layer == Layer::kVisits) {
+          map.visit(rect);
+        } else {
+          for_each_cell(rect, [&](Cell c) {
+            map.set_own(layer, c, static_cast<std::uint8_t>(random() & 1u));
+          });
+        }
         link.mark_dirty(layer, rect);
       }
       link.step(now, {});
@@ -590,7 +545,7 @@ TEST(MapLinkProperty, AfterTheRadioIsBackTheServersMapIsTheRobots) {
     }
     ASSERT_TRUE(link.all_acknowledged()) << "seed " << seed;
     for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
-      TestMap::for_each(map.window(), [&](Cell c) {
+      for_each_cell(map.window(), [&](Cell c) {
         ASSERT_EQ(server.value(layer, c), map.own(layer, c)) << "seed " << seed;
       });
     }

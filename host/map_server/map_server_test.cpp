@@ -8,64 +8,17 @@
 #include "firmware/hal/fake/fake_datagram.h"
 #include "firmware/link/map_link.h"
 #include "host/map_server/scratch_folder.h"
+#include "tests/support/fake_map.h"
 
 namespace ivfm::host {
 namespace {
 
+using fake::for_each_cell;
+using fake::SmallMap;
+
 constexpr TimeUs kSecond = 1000000;
 constexpr TimeUs kTick = 50000;
 constexpr CellRect kWindow = {-40, -40, 100, 80};
-
-// A robot's map for tests.
-class TestMap final : public SharedMap {
- public:
-  TestMap() {
-    for (auto* layers : {&own_, &peers_}) {
-      for (auto& layer : *layers) layer.resize(frame_.size());
-    }
-  }
-  Status read_own(Layer layer, const CellRect& rect, std::span<std::uint8_t> out) const override {
-    if (!kWindow.contains(rect)) return Status::kOutOfRange;
-    std::size_t i = 0;
-    for_each(rect, [&](Cell c) { out[i++] = own_[at(layer)][frame_.index_of(c)]; });
-    return Status::kOk;
-  }
-  Status write_peers(Layer layer, const CellRect& rect,
-                     std::span<const std::uint8_t> cells) override {
-    std::size_t i = 0;
-    for_each(rect, [&](Cell c) {
-      if (frame_.contains(c)) peers_[at(layer)][frame_.index_of(c)] = cells[i];
-      ++i;
-    });
-    return Status::kOk;
-  }
-  Status restore_own(Layer layer, const CellRect& rect,
-                     std::span<const std::uint8_t> cells) override {
-    std::size_t i = 0;
-    for_each(rect, [&](Cell c) {
-      const std::uint8_t before = cells[i++];
-      if (!frame_.contains(c)) return;
-      std::uint8_t& value = own(layer, c);
-      value = layer == Layer::kVisits ? static_cast<std::uint8_t>(std::min(255, value + before))
-                                      : before;
-    });
-    return Status::kOk;
-  }
-  std::uint8_t& own(Layer layer, Cell c) { return own_[at(layer)][frame_.index_of(c)]; }
-  std::uint8_t peers(Layer layer, Cell c) const { return peers_[at(layer)][frame_.index_of(c)]; }
-
-  template <typename Visit>
-  static void for_each(const CellRect& rect, Visit visit) {
-    for (std::int32_t y = rect.y; y < rect.top(); ++y) {
-      for (std::int32_t x = rect.x; x < rect.right(); ++x) visit(Cell{x, y});
-    }
-  }
-
- private:
-  static std::size_t at(Layer layer) { return static_cast<std::size_t>(layer); }
-  GridFrame frame_{50000, kWindow};
-  std::array<std::vector<std::uint8_t>, kLayerCount> own_, peers_;
-};
 
 PeerAddress address_of(std::size_t robot) {
   PeerAddress address;
@@ -142,22 +95,18 @@ class Team : public DatagramSender {
   }
 
   void visit(std::size_t robot, const CellRect& rect) {
-    TestMap& map = members_[robot]->map;
-    TestMap::for_each(rect, [&](Cell c) {
-      std::uint8_t& count = map.own(Layer::kVisits, c);
-      count = static_cast<std::uint8_t>(std::min(255, count + 1));
-    });
+    members_[robot]->map.visit(rect);
     members_[robot]->link->mark_dirty(Layer::kVisits, rect);
   }
   void set_obstacles(std::size_t robot, const CellRect& rect, std::uint8_t value) {
-    TestMap& map = members_[robot]->map;
-    TestMap::for_each(rect, [&](Cell c) { map.own(Layer::kObstacles, c) = value; });
+    SmallMap& map = members_[robot]->map;
+    for_each_cell(rect, [&](Cell c) { map.set_own(Layer::kObstacles, c, value); });
     members_[robot]->link->mark_dirty(Layer::kObstacles, rect);
   }
 
   // The server's map is the sum of the robots', and each robot has the sum of the others'.
   void expect_consistent(const std::string& note) {
-    TestMap::for_each(kWindow, [&](Cell c) {
+    for_each_cell(kWindow, [&](Cell c) {
       unsigned visits = 0, obstacles = 0;
       for (auto& member : members_) {
         visits += member->map.own(Layer::kVisits, c);
@@ -167,7 +116,7 @@ class Team : public DatagramSender {
       ASSERT_EQ(map.merged_value(Layer::kVisits, c), std::min(255u, visits)) << note;
       ASSERT_EQ(map.merged_value(Layer::kObstacles, c), std::min(1u, obstacles)) << note;
       for (auto& member : members_) {
-        TestMap& robot = member->map;
+        SmallMap& robot = member->map;
         ASSERT_EQ(robot.peers(Layer::kVisits, c),
                   std::min(255u, visits - robot.own(Layer::kVisits, c)))
             << note;
@@ -190,7 +139,7 @@ class Team : public DatagramSender {
   struct Member {
     Member(std::uint32_t seed, RadioFaults faults) : radio(seed, faults) {}
     FakeRadio radio;
-    TestMap map;
+    SmallMap map{kWindow};
     std::optional<MapLink> link;
   };
   ScratchFolder folder_;

@@ -14,7 +14,7 @@
 #include "host/map_server/key_ring.h"
 #include "host/map_server/map_server.h"
 #include "host/map_server/scratch_folder.h"
-#include "tests/nothing_lost/team_map.h"
+#include "tests/support/fake_map.h"
 
 namespace ivfm::host {
 namespace {
@@ -55,7 +55,7 @@ struct Robot {
     config.robot = id;
     config.boot = ++boot;
     config.batch_period_us = 200'000;
-    map = std::make_unique<TeamMap>(kWindow);
+    map = std::make_unique<fake::SmallMap>(kWindow);
     link = std::make_unique<MapLink>(*map, radio, config, seal);
     link->clip(kWindow);
   }
@@ -68,7 +68,7 @@ struct Robot {
   SodiumSeal seal;
   std::uint64_t boot = id * 1000u;
   Radio radio;
-  std::unique_ptr<TeamMap> map;
+  std::unique_ptr<fake::SmallMap> map;
   std::unique_ptr<MapLink> link;
 };
 
@@ -132,7 +132,7 @@ class NobodyIn : public testing::Test, private DatagramSender {
     Robot& robot = *robots_[random_() % kRobots];
     const auto place = [&] { return static_cast<std::int32_t>(random_() % 50) - 30; };
     const CellRect seen{place(), place(), 8, 8};
-    for_each_cell(seen, [&](Cell c) {
+    fake::for_each_cell(seen, [&](Cell c) {
       const int count = robot.map->own(Layer::kVisits, c) + 1;
       robot.map->set_own(Layer::kVisits, c, static_cast<std::uint8_t>(std::min(255, count)));
     });
@@ -142,7 +142,7 @@ class NobodyIn : public testing::Test, private DatagramSender {
     run(15'000'000);
     ASSERT_TRUE(server_->all_delivered());
     for (const auto& robot : robots_) ASSERT_TRUE(robot->link->all_acknowledged());
-    for_each_cell(kWindow, [&](Cell c) {
+    fake::for_each_cell(kWindow, [&](Cell c) {
       unsigned sum = 0;
       for (const auto& robot : robots_) {
         const unsigned own = robot->map->own(Layer::kVisits, c);

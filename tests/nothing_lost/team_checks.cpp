@@ -31,8 +31,8 @@ std::string find_missing_cell(const std::vector<TeamRobot*>& robots, const Serve
                               std::uint64_t& cells) {
   Inspection inspection(cells);
   for (TeamRobot* const robot : robots) {
-    const TeamMap& acknowledged = robot->acknowledged_visits();
-    for_each_cell(TeamRobot::kWindow, [&](Cell c) {
+    const fake::SmallMap& acknowledged = robot->acknowledged_visits();
+    fake::for_each_cell(TeamRobot::kWindow, [&](Cell c) {
       const unsigned visits = acknowledged.own(Layer::kVisits, c);
       if (visits != 0) {
         const unsigned got = server(robot->id(), Layer::kVisits, c);
@@ -56,7 +56,7 @@ std::string find_different_cell(const std::vector<TeamRobot*>& robots, const Ser
   Inspection inspection(cells);
   for (const Layer layer : kLayers) {
     const unsigned most = layer == Layer::kVisits ? 255 : 1;
-    for_each_cell(TeamRobot::kWindow, [&](Cell c) {
+    fake::for_each_cell(TeamRobot::kWindow, [&](Cell c) {
       const auto expect = [&](unsigned got, unsigned wanted, const char* what,
                               std::uint16_t robot) {
         inspection.expect(got == wanted, layer, c, got, wanted, what, robot);

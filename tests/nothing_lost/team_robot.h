@@ -8,7 +8,7 @@
 #include <random>
 
 #include "firmware/link/map_link.h"
-#include "tests/nothing_lost/team_map.h"
+#include "tests/support/fake_map.h"
 
 namespace ivfm::host {
 
@@ -43,7 +43,7 @@ class TeamRobot {
 
   std::uint16_t id() const { return id_; }
   const MapLink& link() const { return *link_; }
-  const TeamMap& map() const { return *map_; }
+  const fake::SmallMap& map() const { return *map_; }
   void step(TimeUs now_us, const Pose& pose = {}) {
     link_->step(now_us, pose);
     for (const Layer layer : kLayers) link_->mark_dirty(layer, map_->take_changes(layer));
@@ -62,7 +62,7 @@ class TeamRobot {
             .intersection(kWindow);
     if (layer == Layer::kVisits) note_acknowledged(seen);
     const auto obstacle = static_cast<std::uint8_t>(random() % 2);
-    for_each_cell(seen, [&](Cell c) {
+    fake::for_each_cell(seen, [&](Cell c) {
       const auto visits = static_cast<std::uint8_t>(std::min(255, map_->own(layer, c) + 1));
       map_->set_own(layer, c, layer == Layer::kObstacles ? obstacle : visits);
     });
@@ -73,7 +73,7 @@ class TeamRobot {
     return link_->is_acknowledged(layer, {c.x, c.y, 1, 1});
   }
   // So many visits of each cell the server has said to have, at least.
-  const TeamMap& acknowledged_visits() {
+  const fake::SmallMap& acknowledged_visits() {
     if (runs()) note_acknowledged(kWindow);
     return acknowledged_;
   }
@@ -83,7 +83,7 @@ class TeamRobot {
   static constexpr std::uint32_t kEpoch = 10;
 
   void note_acknowledged(const CellRect& rect) {
-    for_each_cell(rect, [&](Cell c) {
+    fake::for_each_cell(rect, [&](Cell c) {
       const std::uint8_t value = map_->own(Layer::kVisits, c);
       if (value != 0 && is_acknowledged(Layer::kVisits, c)) {
         acknowledged_.set_own(Layer::kVisits, c, value);
@@ -94,9 +94,9 @@ class TeamRobot {
   std::uint16_t id_;
   std::uint64_t next_boot_ = 1;
   DatagramSocket& radio_;
-  std::optional<TeamMap> map_;  // none while the robot is down
+  std::optional<fake::SmallMap> map_;  // none while the robot is down
   std::optional<MapLink> link_;
-  TeamMap acknowledged_{kWindow};
+  fake::SmallMap acknowledged_{kWindow};
 };
 
 }  // namespace ivfm::host

@@ -1,4 +1,4 @@
-// A robot's map for tests of the link: a small window with its own cells and the others'.
+// A robot's map for tests of the link and the server: a window with its own cells and the others'.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 #include "firmware/link/shared_map.h"
 
-namespace ivfm::host {
+namespace ivfm::fake {
 
 template <typename Visit>
 void for_each_cell(const CellRect& rect, Visit visit) {
@@ -19,9 +19,9 @@ void for_each_cell(const CellRect& rect, Visit visit) {
   }
 }
 
-class TeamMap final : public SharedMap {
+class SmallMap final : public SharedMap {
  public:
-  explicit TeamMap(const CellRect& window) : frame_(50000, window) {
+  explicit SmallMap(const CellRect& window) : frame_(50000, window) {
     for (auto* layers : {&own_, &peers_, &seen_}) {
       for (auto& layer : *layers) layer.resize(frame_.size());
     }
@@ -67,6 +67,13 @@ class TeamMap final : public SharedMap {
     own_[at(layer)][frame_.index_of(c)] = value;
     seen_[at(layer)][frame_.index_of(c)] = 1;
   }
+  // One visit more in each cell.
+  void visit(const CellRect& rect) {
+    for_each_cell(rect, [&](Cell c) {
+      const std::uint8_t visits = own(Layer::kVisits, c);
+      set_own(Layer::kVisits, c, static_cast<std::uint8_t>(std::min(255, visits + 1)));
+    });
+  }
   std::uint8_t peers(Layer layer, Cell c) const { return peers_[at(layer)][frame_.index_of(c)]; }
 
  private:
@@ -76,4 +83,4 @@ class TeamMap final : public SharedMap {
   std::array<CellRect, kLayerCount> changes_{};
 };
 
-}  // namespace ivfm::host
+}  // namespace ivfm::fake
