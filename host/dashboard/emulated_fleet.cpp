@@ -1,16 +1,18 @@
 // Robots without bodies for trying the map server and its page: each drives circles through empty
-// rooms and sends what it would see. Usage: emulated_fleet HOST:PORT ROBOTS SECONDS
+// rooms and sends what it would see. Usage: emulated_fleet HOST:PORT ROBOTS SECONDS [SERVER.keys]
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "firmware/hal/linux/radio_key_file.h"
 #include "firmware/hal/linux/udp_socket.h"
 #include "firmware/link/map_link.h"
 #include "firmware/supervisor/supervisor_table.h"
@@ -75,13 +77,17 @@ class Room final : public SharedMap {
 
 class Robot {
  public:
-  Robot(std::uint16_t id, const std::string& server, std::uint32_t epoch)
-      : room_(id - 1), socket_(server), link_(room_, socket_, config(id, epoch)) {
-    link_.clip(room_.window());
+  // Without a key nothing is encrypted.
+  Robot(std::uint16_t id, const std::string& server, std::uint32_t epoch, const RadioKeys& keys)
+      : room_(id - 1), socket_(server) {
+    if (const auto key = keys.find(id); key != keys.end()) seal_.emplace(key->second);
+    const DatagramSeal& seal = seal_ ? static_cast<const DatagramSeal&>(*seal_) : kPlainSeal;
+    link_.emplace(room_, socket_, config(id, epoch), seal);
+    link_->clip(room_.window());
   }
 
   void step(TimeUs now_us, double dt_s) {
-    if (const auto command = link_.take_command()) obey(*command);
+    if (const auto command = link_->take_command()) obey(*command);
     if (state_ == RobotState::kExploring) drive(dt_s);
     RobotStatus status;
     status.state = static_cast<std::uint8_t>(state_);
@@ -89,8 +95,8 @@ class Robot {
     status.actions = actions_;
     status.distance_mm = static_cast<std::uint32_t>(driven_m_ * 1000);
     status.decision_us = 4000;
-    link_.set_status(status);
-    link_.step(now_us, pose_);
+    link_->set_status(status);
+    link_->step(now_us, pose_);
   }
 
  private:
@@ -129,14 +135,15 @@ class Robot {
     ++actions_;
     goal_ = GridFrame(kCellUm, {}).cell_at(place(angle_ + 1 / radius_m));
     const CellRect seen = room_.see(GridFrame(kCellUm, {}).cell_at(pose_.position));
-    link_.mark_dirty(Layer::kVisits, seen);
-    link_.mark_dirty(Layer::kObstacles, seen);
+    link_->mark_dirty(Layer::kVisits, seen);
+    link_->mark_dirty(Layer::kObstacles, seen);
   }
 
   std::string name_;
   Room room_;
   UdpSocket socket_;
-  MapLink link_;
+  std::optional<SodiumSeal> seal_;
+  std::optional<MapLink> link_;
   RobotState state_ = RobotState::kExploring;
   Pose pose_;
   Cell goal_;
@@ -144,13 +151,13 @@ class Robot {
   std::uint32_t actions_ = 0;
 };
 
-int run(const std::string& server, int robots, double seconds) {
+int run(const std::string& server, int robots, double seconds, const RadioKeys& keys) {
   const auto begin = std::chrono::steady_clock::now();
   const auto epoch = static_cast<std::uint32_t>(
       std::chrono::system_clock::to_time_t(std::chrono::system_clock::now()));
   std::vector<std::unique_ptr<Robot>> fleet;
   for (int id = 1; id <= robots; ++id) {
-    fleet.push_back(std::make_unique<Robot>(static_cast<std::uint16_t>(id), server, epoch));
+    fleet.push_back(std::make_unique<Robot>(static_cast<std::uint16_t>(id), server, epoch, keys));
   }
   double last_s = 0;
   for (double now_s = 0; now_s < seconds; last_s = now_s) {
@@ -167,9 +174,10 @@ int run(const std::string& server, int robots, double seconds) {
 }  // namespace ivfm::host
 
 int main(int argc, char** argv) {
-  if (argc != 4) {
-    std::fprintf(stderr, "usage: emulated_fleet HOST:PORT ROBOTS SECONDS\n");
+  if (argc != 4 && argc != 5) {
+    std::fprintf(stderr, "usage: emulated_fleet HOST:PORT ROBOTS SECONDS [SERVER.keys]\n");
     return 2;
   }
-  return ivfm::host::run(argv[1], std::atoi(argv[2]), std::atof(argv[3]));
+  const auto keys = argc == 5 ? ivfm::read_radio_keys(argv[4]) : ivfm::RadioKeys{};
+  return ivfm::host::run(argv[1], std::atoi(argv[2]), std::atof(argv[3]), keys);
 }

@@ -3,9 +3,10 @@
 --   tshark -r run.pcap -X lua_script:ivfm_dissector.lua -o ivfm.keys:keys/server.keys
 --
 -- Every UDP datagram that begins with the magic and the version is taken, whatever its port.
--- Encrypted content is decrypted with the keys of `ivfm keygen`. The tag is not verified: Lua has
--- no Poly1305, and the receiver's boot, which it covers, may lie outside the recording. A wrong key
--- shows as an unknown kind.
+-- Encrypted content is decrypted with the keys of `ivfm keygen`, and its tag is verified; so is the
+-- checksum of what is not encrypted. Both cover the receiver's boot, which is taken from what the
+-- receiver has sent before: where that lies outside the recording, the check says so. tshark -2
+-- also finds what comes later.
 
 local ivfm = Proto("ivfm", "ivfm robot and map server")
 
@@ -32,6 +33,7 @@ local f = {
   sequence = ProtoField.uint32("ivfm.sequence", "Sequence"),
   boot = ProtoField.uint64("ivfm.boot", "Boot", base.HEX),
   trailer = ProtoField.bytes("ivfm.trailer", "Trailer"),
+  check = ProtoField.string("ivfm.check", "Check of the trailer"),
   kind = ProtoField.uint8("ivfm.kind", "Kind", base.HEX, kinds),
   cell_um = ProtoField.uint24("ivfm.cell_um", "Cell size (um)"),
   x = ProtoField.float("ivfm.x", "x (m)"),
@@ -70,12 +72,15 @@ local damaged = ProtoExpert.new("ivfm.damaged", "The message is damaged", expert
   expert.severity.ERROR)
 local locked = ProtoExpert.new("ivfm.locked", "No key for this robot", expert.group.DECRYPTION,
   expert.severity.NOTE)
-ivfm.experts = {damaged, locked}
+local forged = ProtoExpert.new("ivfm.forged", "The trailer is wrong: changed, or not from a holder "
+  .. "of the key", expert.group.CHECKSUM, expert.severity.WARN)
+ivfm.experts = {damaged, locked, forged}
 
 -- --- XChaCha20 (RFC 8439, draft-irtf-cfrg-xchacha) ---------------------------------------------
 
 local band, bor, bxor = bit32.band, bit32.bor, bit32.bxor
 local lrotate, rshift = bit32.lrotate, bit32.rshift
+local unpack = table.unpack
 
 local function words_of(bytes)
   local words = {}
@@ -107,21 +112,113 @@ local function rounds(key, tail)
   return s, start
 end
 
--- key: 32 bytes, nonce: 24 bytes. The first block of the key stream is the tag's.
-local function xchacha20(key, nonce, text)
+-- One block of the key stream after another; key: 32 bytes, nonce: 24 bytes.
+local function key_stream(key, nonce)
   local n = words_of(nonce)
   local s = rounds(words_of(key), {n[1], n[2], n[3], n[4]})
   local subkey = {s[1], s[2], s[3], s[4], s[13], s[14], s[15], s[16]}
+  return function(number)
+    local block, start = rounds(subkey, {number, 0, n[5], n[6]})
+    local bytes = {}
+    for i = 0, 63 do
+      local k = math.floor(i / 4) + 1
+      local word = (block[k] + start[k]) % 0x100000000
+      bytes[i + 1] = band(rshift(word, 8 * (i % 4)), 0xff)
+    end
+    return bytes
+  end
+end
+
+-- The first block of the stream is the tag's.
+local function decipher(stream, text)
   local out = {}
   for at = 1, #text, 64 do
-    local block, start = rounds(subkey, {1 + (at - 1) / 64, 0, n[5], n[6]})
+    local block = stream(1 + (at - 1) / 64)
     for i = at, math.min(at + 63, #text) do
-      local k = math.floor((i - at) / 4) + 1
-      local word = (block[k] + start[k]) % 0x100000000
-      out[#out + 1] = string.char(bxor(text:byte(i), band(rshift(word, 8 * ((i - at) % 4)), 0xff)))
+      out[i] = string.char(bxor(text:byte(i), block[i - at + 1]))
     end
   end
   return table.concat(out)
+end
+
+-- --- Poly1305 (RFC 8439): numbers below 2^130 as ten limbs of 13 bits, lowest first ------------
+
+-- `size` bits from bit `at` of the digits, each of `digit_bits` bits.
+local function bits_of(digits, digit_bits, at, size)
+  local first, shift = math.floor(at / digit_bits), at % digit_bits
+  local value, weight = 0, 1
+  for i = first, math.floor((at + size - 1) / digit_bits) do
+    value = value + (digits[i + 1] or 0) * weight
+    weight = weight * 2 ^ digit_bits
+  end
+  return math.floor(value / 2 ^ shift) % 2 ^ size
+end
+
+local function limbs_of(bytes)
+  local limbs = {}
+  for i = 1, 10 do limbs[i] = bits_of(bytes, 8, 13 * (i - 1), 13) end
+  return limbs
+end
+
+-- Every limb below 2^13 again; what is above 2^130 comes in as five times that.
+local function carry(limbs)
+  local over = 0
+  for i = 1, 10 do
+    local value = limbs[i] + over
+    limbs[i], over = value % 8192, math.floor(value / 8192)
+  end
+  limbs[1] = limbs[1] + 5 * over
+end
+
+local function times(a, b)
+  local product = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0}
+  for i = 1, 10 do
+    for k = 1, 10 do
+      local at, factor = i + k - 1, 1
+      if at > 10 then at, factor = at - 10, 5 end
+      product[at] = product[at] + factor * a[i] * b[k]
+    end
+  end
+  carry(product)
+  return product
+end
+
+-- The tag (16 bytes) of a text whose length is a multiple of 16; key: 32 bytes as numbers.
+local function poly1305(key, text)
+  local r = {unpack(key, 1, 16)}
+  for _, i in ipairs({4, 8, 12, 16}) do r[i] = band(r[i], 15) end
+  for _, i in ipairs({5, 9, 13}) do r[i] = band(r[i], 252) end
+  r = limbs_of(r)
+  local sum = limbs_of({})
+  for at = 1, #text, 16 do
+    local block = {text:byte(at, at + 15)}
+    block[17] = 1
+    local limbs = limbs_of(block)
+    for i = 1, 10 do sum[i] = sum[i] + limbs[i] end
+    sum = times(sum, r)
+  end
+  carry(sum) carry(sum)
+  local reduced = {unpack(sum)}  -- the sum less 2^130 - 5, if it is as large
+  reduced[1] = reduced[1] + 5
+  local over = 0
+  for i = 1, 10 do
+    local value = reduced[i] + over
+    reduced[i], over = value % 8192, math.floor(value / 8192)
+  end
+  if over > 0 then sum = reduced end
+  local tag = {}
+  over = 0
+  for i = 0, 15 do
+    local value = bits_of(sum, 13, 8 * i, 8) + key[17 + i] + over
+    tag[i + 1], over = string.char(value % 256), math.floor(value / 256)
+  end
+  return table.concat(tag)
+end
+
+local function padded(text) return text .. string.rep("\0", -#text % 16) end
+
+local function length_bytes(length)
+  return string.char(length % 256, math.floor(length / 256)) .. string.rep("\0", 6)
 end
 
 -- --- Keys -------------------------------------------------------------------------------------
@@ -145,17 +242,75 @@ local function key_of(robot)
   return keys[robot]
 end
 
--- Kind and body in the clear, or nil. The direction is not sent: the kind tells whether the guess
--- was right.
+-- --- Checks -----------------------------------------------------------------------------------
+
+local kMostBoots = 8
+local boots = {}  -- robot and direction -> the boots of who sends so, newest first
+
+local function boots_of(robot, direction)
+  local at = robot * 2 + direction
+  boots[at] = boots[at] or {}
+  return boots[at]
+end
+
+local function note_boot(robot, direction, boot)
+  local list = boots_of(robot, direction)
+  for _, known in ipairs(list) do
+    if known == boot then return end
+  end
+  table.insert(list, 1, boot)
+  list[kMostBoots + 1] = nil
+end
+
+local function crc32(bytes)
+  local crc = 0xffffffff
+  for i = 1, #bytes do
+    crc = bxor(crc, bytes:byte(i))
+    for _ = 1, 8 do crc = bxor(rshift(crc, 1), band(crc, 1) == 1 and 0xedb88320 or 0) end
+  end
+  return bxor(crc, 0xffffffff)
+end
+
+-- Whether `expected(context)` is the trailer for the receiver's boot.
+local function check(bytes, robot, direction, trailer, expected)
+  note_boot(robot, direction, bytes:sub(13, 20))
+  local unbound = band(bytes:byte(2), 2) ~= 0
+  local candidates = unbound and {string.rep("\0", 8)} or boots_of(robot, 1 - direction)
+  for _, boot in ipairs(candidates) do
+    if expected(string.char(direction) .. boot) == trailer then return "good" end
+  end
+  return #candidates == 0 and "not possible: the recording lacks the receiver's boot" or "wrong"
+end
+
+-- What is not encrypted: whether its checksum is right. The kind tells the direction.
+local function check_plain(bytes, robot)
+  local direction = bytes:byte(21) >= 0x80 and 1 or 0
+  return check(bytes, robot, direction, bytes:sub(-4), function(context)
+    local crc = crc32(bytes:sub(1, -5) .. context)
+    return string.char(band(crc, 255), band(rshift(crc, 8), 255), band(rshift(crc, 16), 255),
+      rshift(crc, 24))
+  end)
+end
+
+-- Kind and body in the clear, and whether the tag is right; nil without the key. The direction is
+-- not sent: the kind tells whether the guess was right.
 local function decrypted(bytes, robot)
   local key = key_of(robot)
   if not key then return nil end
-  local content = bytes:sub(21, -17)
+  local sealed = bytes:sub(21, -17)
   for direction = 0, 1 do
     local nonce = bytes:sub(3, 20) .. string.char(direction) .. string.rep("\0", 5)
-    local text = xchacha20(key, nonce, content)
+    local stream = key_stream(key, nonce)
+    local text = decipher(stream, sealed)
     local kind = text:byte(1)
-    if kind and kinds[kind] and (kind >= 0x80) == (direction == 1) then return text end
+    if kinds[kind] and (kind >= 0x80) == (direction == 1) then
+      local tag_key = stream(0)
+      return text, check(bytes, robot, direction, bytes:sub(-16), function(context)
+        local associated = bytes:sub(1, 20) .. context
+        return poly1305(tag_key, padded(associated) .. padded(sealed) ..
+          length_bytes(#associated) .. length_bytes(#sealed))
+      end)
+    end
   end
   return nil
 end
@@ -377,10 +532,13 @@ function ivfm.dissector(tvb, packet, root)
   tree:add_le(f.sequence, tvb(8, 4)) tree:add_le(f.boot, tvb(12, 8))
   local robot = tvb(2, 2):le_uint()
   local info = {"Robot " .. robot .. " #" .. tvb(8, 4):le_uint()}
-  local content = tvb(20, tvb:len() - 20 - trailer):tvb()
+  local content, verdict = tvb(20, tvb:len() - 20 - trailer):tvb(), nil
   if encrypted then
-    local text = decrypted(tvb:raw(), robot)
+    local text
+    text, verdict = decrypted(tvb:raw(), robot)
     content = text and ByteArray.new(text, true):tvb("Decrypted") or nil
+  else
+    verdict = check_plain(tvb:raw(), robot)
   end
   if content then
     dissect_content(content, tree, info)
@@ -389,6 +547,11 @@ function ivfm.dissector(tvb, packet, root)
     tree:add_proto_expert_info(locked)
   end
   tree:add(f.trailer, tvb(tvb:len() - trailer))
+  if verdict then tree:add(f.check, tvb(tvb:len() - trailer), verdict) end
+  if verdict == "wrong" then
+    tree:add_proto_expert_info(forged)
+    info[#info + 1] = "wrong trailer"
+  end
   packet.cols.protocol = "ivfm"
   packet.cols.info = table.concat(info, ", ")
   return tvb:len()
