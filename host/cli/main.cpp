@@ -3,6 +3,7 @@
 #include <exception>
 #include <iostream>
 
+#include "firmware/agent/linux/agent_options.h"
 #include "host/canbus/canbus_command.h"
 #include "host/cli/commands.h"
 #include "host/cli/manual.h"
@@ -32,7 +33,7 @@ int run(int argc, char** argv) {
   ivfm::host::add_keygen_command(app, action);
   ivfm::host::add_radio_command(app, action);
   ivfm::host::add_log_command(app, action);
-  ivfm::host::add_manual_command(app, action);
+  ivfm::host::add_manual_command(app, action, ivfm::show_agent_command_line);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

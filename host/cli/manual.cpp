@@ -117,6 +117,12 @@ std::string synopsis(const CLI::App& command, const std::string& words) {
   return text;
 }
 
+// "ivfm log report" is told in ivfm-log-report(1).
+std::string page_name(std::string words) {
+  std::replace(words.begin(), words.end(), ' ', '-');
+  return words;
+}
+
 // --- Completions ---
 
 std::vector<std::string> words_after(const CLI::App& command) {
@@ -196,14 +202,16 @@ void write_file(const fs::path& path, const std::string& text) {
 
 }  // namespace
 
-std::string man_page(const CLI::App& command, const std::string& name) {
-  std::string words = name;
-  std::replace(words.begin(), words.end(), '-', ' ');
+std::string man_page(const CLI::App& command, const std::string& words) {
+  const std::string name = page_name(words);
   std::string upper = name;
   std::transform(upper.begin(), upper.end(), upper.begin(),
                  [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+  // A root's description begins with its name.
+  std::string what = command.get_description();
+  if (what.starts_with(name + ": ")) what.erase(0, name.size() + 2);
   std::string page = ".TH " + upper + " 1 \"\" ivfm \"ivfm manual\"\n.SH NAME\n" + roff(name) +
-                     " \\- " + roff(command.get_description()) + "\n.SH SYNOPSIS\n" +
+                     " \\- " + roff(what) + "\n.SH SYNOPSIS\n" +
                      synopsis(command, words) + "\n";
   const auto subs = subcommands(command);
   if (!subs.empty()) {
@@ -271,23 +279,24 @@ std::string zsh_completion(const CLI::App& root) {
 void write_manual(const CLI::App& root, const fs::path& folder) {
   const std::string name = root.get_name();
   walk(root, name, [&](const CLI::App& command, const std::string& words) {
-    std::string page = words;
-    std::replace(page.begin(), page.end(), ' ', '-');
-    write_file(folder / "share/man/man1" / (page + ".1"), man_page(command, page));
+    write_file(folder / "share/man/man1" / (page_name(words) + ".1"), man_page(command, words));
   });
   write_file(folder / "share/bash-completion/completions" / name, bash_completion(root));
   write_file(folder / "share/zsh/site-functions" / ("_" + name), zsh_completion(root));
 }
 
-void add_manual_command(CLI::App& app, CommandAction& action) {
+void add_manual_command(CLI::App& app, CommandAction& action,
+                        std::function<void(const ShowCommandLine&)> show_other) {
   auto folder = std::make_shared<fs::path>();
   CLI::App* command = app.add_subcommand("manual", "Write man pages and shell completions");
   command->group(kHiddenGroup);
   command->add_option("folder", *folder, "where share/ is to appear")->required();
-  command->footer("Example: ivfm manual /usr/local");
-  command->callback([&app, folder, &action] {
-    action = [&app, folder] {
-      write_manual(app, *folder);
+  command->footer("Example: " + app.get_name() + " manual /usr/local");
+  command->callback([&app, folder, &action, show_other = std::move(show_other)] {
+    action = [&app, folder, show_other] {
+      const ShowCommandLine write = [&](const CLI::App& root) { write_manual(root, *folder); };
+      write(app);
+      if (show_other) show_other(write);
       return 0;
     };
   });

@@ -50,7 +50,7 @@ class ManualTest : public testing::Test {
 };
 
 TEST_F(ManualTest, PagesSayWhatHelpSays) {
-  const std::string page = man_page(*app_.get_subcommand("demo"), "x-demo");
+  const std::string page = man_page(*app_.get_subcommand("demo"), "x demo");
   EXPECT_THAT(page, HasSubstr(".TH X-DEMO 1"));
   EXPECT_THAT(page, HasSubstr("Robots explore a world"));
   EXPECT_THAT(page, HasSubstr("\\fB\\-p\\fR, \\fB\\-\\-policy\\fR \\fIqnet|random\\fR\n"));

@@ -9,6 +9,7 @@
 #include <iostream>
 #include <string>
 
+#include "host/cli/manual.h"
 #include "host/quantizer/network_commands.h"
 #include "host/trainer/trainer.h"
 
@@ -71,11 +72,13 @@ int run(int argc, char** argv) {
   TrainerConfig config;
   std::string config_path = config_argument(argc, argv);
   if (!config_path.empty()) ivfm::host::load_config(config_path, config);
-  CLI::App app{"ivfm-train: train a Q-network that explores, and quantize it for the robot"};
+  CLI::App app{"ivfm-train: train a Q-network that explores, and quantize it for the robot",
+               "ivfm-train"};
   bool dry_run = false;
   add_options(app, config, config_path, dry_run);
   ivfm::host::CommandAction action;  // of a subcommand; without one it trains
   ivfm::host::add_network_commands(app, action);
+  ivfm::host::add_manual_command(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

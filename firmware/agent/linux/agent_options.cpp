@@ -263,6 +263,31 @@ std::string read_file(const std::string& path) {
   return text.str();
 }
 
+// The options as CLI11 knows them, and the texts that it fills in.
+struct CommandLine {
+  CommandLine() {
+    app.footer(
+        "Example: ivfm-agent --lidar /dev/ttyUSB0 --can socketcan:can0 --server 10.0.0.1:7700 \\\n"
+        "           --key robot1.key --model models/explorer.ivfm --start 0,0,90\n"
+        "Every option but --config is also a key of the TOML file; see agent.example.toml.");
+    app.set_version_flag("--version", "ivfm-agent 0.1.0");
+    app.add_option("--config", config, "TOML file with any of these options; flags win over it");
+    for (std::size_t i = 0; i < kOptions.size(); ++i) {
+      const std::string flag = std::string("--") + kOptions[i].name;
+      const bool is_switch = std::holds_alternative<SwitchMember>(kOptions[i].member);
+      flags[i] = app.add_option(flag, texts[i], kOptions[i].help);
+      if (is_switch) flags[i]->expected(0, 1)->default_str("true");
+    }
+  }
+  CommandLine(const CommandLine&) = delete;
+  CommandLine& operator=(const CommandLine&) = delete;
+
+  CLI::App app{"ivfm-agent: explores with an RPLIDAR and two CiA 402 wheel drives", "ivfm-agent"};
+  std::string config;
+  std::array<std::string, kOptions.size()> texts;
+  std::array<CLI::Option*, kOptions.size()> flags{};
+};
+
 // --- what has to fit together ---------------------------------------------------------------
 
 bool is_host_and_port(const std::string& text) {
@@ -338,37 +363,27 @@ void apply_toml(AgentOptions& options, const std::string& text, const std::strin
 }
 
 std::optional<AgentOptions> parse_agent_options(int argc, const char* const* argv) {
-  CLI::App app{"ivfm-agent: explores with an RPLIDAR and two CiA 402 wheel drives"};
-  app.footer(
-      "Example: ivfm-agent --lidar /dev/ttyUSB0 --can socketcan:can0 --server 10.0.0.1:7700 \\\n"
-      "           --key robot1.key --model models/explorer.ivfm --start 0,0,90\n"
-      "Every option but --config is also a key of the TOML file; see agent.example.toml.");
-  app.set_version_flag("--version", "ivfm-agent 0.1.0");
-  std::string config;
-  app.add_option("--config", config, "TOML file with any of these options; flags win over it");
-  std::array<std::string, kOptions.size()> texts;
-  std::array<CLI::Option*, kOptions.size()> flags{};
-  for (std::size_t i = 0; i < kOptions.size(); ++i) {
-    const std::string flag = std::string("--") + kOptions[i].name;
-    const bool is_switch = std::holds_alternative<SwitchMember>(kOptions[i].member);
-    flags[i] = app.add_option(flag, texts[i], kOptions[i].help);
-    if (is_switch) flags[i]->expected(0, 1)->default_str("true");
-  }
+  CommandLine line;
   try {
-    app.parse(argc, argv);
+    line.app.parse(argc, argv);
   } catch (const CLI::Success& asked) {
-    app.exit(asked);
+    line.app.exit(asked);
     return std::nullopt;
   } catch (const CLI::ParseError& error) {
     throw OptionsError(std::string(error.what()) + "; --help lists the options");
   }
   AgentOptions options;
-  if (!config.empty()) apply_toml(options, read_file(config), config);
+  if (!line.config.empty()) apply_toml(options, read_file(line.config), line.config);
   for (std::size_t i = 0; i < kOptions.size(); ++i) {
-    if (flags[i]->count() > 0) set_from_text(options, kOptions[i], texts[i]);
+    if (line.flags[i]->count() > 0) set_from_text(options, kOptions[i], line.texts[i]);
   }
   check_together(options);
   return options;
+}
+
+void show_agent_command_line(const std::function<void(const CLI::App&)>& show) {
+  const CommandLine line;
+  show(line.app);
 }
 
 }  // namespace ivfm

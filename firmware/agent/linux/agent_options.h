@@ -3,9 +3,14 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <stdexcept>
 #include <string>
+
+namespace CLI {
+class App;
+}
 
 namespace ivfm {
 
@@ -55,6 +60,9 @@ std::optional<std::array<double, 2>> parse_place(const std::string& text);
 // The command line; flags win over the file named by --config. No value: --help or --version was
 // asked for and printed; the program is done. Throws OptionsError.
 std::optional<AgentOptions> parse_agent_options(int argc, const char* const* argv);
+
+// Shows the options that --help lists, for man pages and completions.
+void show_agent_command_line(const std::function<void(const CLI::App&)>& show);
 
 // Sets what the TOML text says on top of `options`. `file_name` is for messages. Throws
 // OptionsError: "FILE:LINE: ...".
