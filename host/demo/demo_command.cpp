@@ -48,19 +48,22 @@ int demonstrate(DemoOptions options, double resolution_m) {
   }
 }
 
+// What `parse` answers; what it finds wrong is a usage error of `flag`.
+template <typename Parse>
+auto checked(const char* flag, const Parse& parse) {
+  try {
+    return parse();
+  } catch (const std::invalid_argument& error) {
+    throw CLI::ValidationError(flag, error.what());
+  }
+}
+
 // Who joins late, leaves or crashes, what the radio does, and what is looked for.
 void add_team_options(CLI::App& command, DemoOptions& options) {
-  const auto checked = [](const char* flag, const auto& parse) {
-    try {
-      return parse();
-    } catch (const std::invalid_argument& error) {
-      throw CLI::ValidationError(flag, error.what());
-    }
-  };
   const auto add = [&](const char* flag, FleetEvent::Kind kind, const char* help) {
     command.add_option_function<std::vector<std::string>>(
         flag,
-        [&options, checked, flag, kind](const std::vector<std::string>& texts) {
+        [&options, flag, kind](const std::vector<std::string>& texts) {
           for (const std::string& text : texts) {
             options.events.push_back(checked(flag, [&] { return parse_fleet_event(kind, text); }));
           }
@@ -74,7 +77,7 @@ void add_team_options(CLI::App& command, DemoOptions& options) {
       "ROBOT@TIME[+PAUSE], such as 2@30s+10s: kill -9 [and started again]");
   command.add_option_function<std::string>(
       "--radio",
-      [&options, checked](const std::string& text) {
+      [&options](const std::string& text) {
         RadioFaults faults;
         checked("--radio", [&] { return add_radio_faults(faults, text), 0; });
         options.radio = text;
@@ -111,8 +114,17 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
       ->capture_default_str()
       ->check(CLI::Range(0.1, 20.0));
   command->add_option("--seed", options->world.seed, "of everything random")->capture_default_str();
-  command->add_flag("--random-starts", options->world.random_starts,
-                    "draw the start poses in the corridor from the seed");
+  command
+      ->add_option_function<std::vector<std::string>>(
+          "--start",
+          [options](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) {
+              options->world.starts.push_back(checked("--start", [&] { return parse_pose(text); }));
+            }
+          },
+          "start pose x,y,heading in metres and degrees; once a robot")
+      ->excludes(command->add_flag("--random-starts", options->world.random_starts,
+                                   "draw the start poses in the corridor from the seed"));
   command->add_option("--until", options->until, "share of the free space to see")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 1.0));
@@ -127,6 +139,8 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
       ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));
   command->add_option("--fault", options->faults,
                       "as of ivfm sim, such as lidar-silence@12s+3s; repeatable");
+  command->add_flag("--record-scans", options->record_scans,
+                    "write what each lidar measured: robotN.recording");
   add_team_options(*command, *options);
   command->footer("Example: ivfm demo --robots 2 --world corridor --out out/demo");
   command->callback([options, resolution_m, &action] {

@@ -33,26 +33,15 @@ std::string bytes_text(std::uint64_t bytes) {
   return text_of("%.1f KiB", static_cast<double>(bytes) / 1024);
 }
 
-fs::path own_path() { return fs::read_symlink("/proc/self/exe"); }
-
-// `relative` in the folder of this program or one above it (build/host/host/cli, the source tree).
-std::optional<fs::path> find_upwards(const std::vector<fs::path>& relative) {
-  for (fs::path folder = own_path().parent_path();; folder = folder.parent_path()) {
-    for (const fs::path& path : relative) {
-      if (fs::is_regular_file(folder / path)) return folder / path;
-    }
-    if (folder == folder.parent_path()) return std::nullopt;
-  }
-}
-
 fs::path find_agent(const fs::path& given) {
   if (!given.empty()) return given;
-  const auto found = find_upwards({"ivfm-agent", "firmware/agent/linux/ivfm-agent"});
-  if (!found) {
-    throw std::runtime_error("the program ivfm-agent is not beside " + own_path().string() +
-                             " nor in its build folder: build it, or give --agent PATH");
+  for (const fs::path& folder : folders_above(own_path())) {
+    for (const char* path : {"ivfm-agent", "firmware/agent/linux/ivfm-agent"}) {
+      if (fs::is_regular_file(folder / path)) return folder / path;
+    }
   }
-  return *found;
+  throw std::runtime_error("the program ivfm-agent is not beside " + own_path().string() +
+                           " nor in its build folder: build it, or give --agent PATH");
 }
 
 std::vector<Trajectory> true_paths(const std::vector<TruthRow>& truth) {
@@ -133,8 +122,7 @@ DemoResult DemoRun::run() {
   prepare_folder();
   Fleet fleet(fleet_options(), interrupted_);
   std::printf("%d robots explore %s (%.0f m2), goal: %s; %gx real time, into %s\n",
-              options_.world.robots, world_.world.name.c_str(),
-              static_cast<double>(meter_.explorable_cells()) * kCellUm / 1e6 * kCellUm / 1e6,
+              options_.world.robots, world_.world.name.c_str(), explorable_m2(),
               goal_text().c_str(), options_.time_scale, options_.out.c_str());
   std::fflush(stdout);
   fleet.start();
@@ -167,7 +155,9 @@ void DemoRun::prepare_folder() const {
     fs::remove_all(options_.out / name);
   }
   for (int robot = 1; robot <= 8; ++robot) {
-    fs::remove(options_.out / ("robot" + std::to_string(robot) + ".map"));
+    for (const char* kind : {".map", ".recording"}) {
+      fs::remove(options_.out / ("robot" + std::to_string(robot) + kind));
+    }
   }
 }
 
@@ -191,6 +181,12 @@ FleetOptions DemoRun::fleet_options() const {
     fleet.simulator_arguments.emplace_back(text_of("%.9g", *options_.world.resolution_m));
   }
   if (options_.world.random_starts) fleet.simulator_arguments.emplace_back("--random-starts");
+  for (const Pose& start : options_.world.starts) {
+    fleet.simulator_arguments.push_back("--start=" + format_pose(start));
+  }
+  if (options_.record_scans) {
+    fleet.simulator_arguments.insert(fleet.simulator_arguments.end(), {"--record", options_.out});
+  }
   for (const std::string& fault : options_.faults) {
     fleet.simulator_arguments.emplace_back("--fault");
     fleet.simulator_arguments.emplace_back(fault);
@@ -200,7 +196,8 @@ FleetOptions DemoRun::fleet_options() const {
                            "--robot-radius", text_of("%.9g", world_.body.radius_m),
                            "--wheel-radius", text_of("%.9g", world_.body.wheel_radius_m),
                            "--wheel-base",   text_of("%.9g", world_.body.wheel_base_m)};
-  fleet.server_arguments = {"--visit-range", text_of("%.9g", options_.visit_range_m)};
+  fleet.server_arguments = {"--visit-range", text_of("%.9g", options_.visit_range_m),
+                            "--explorable", text_of("%.9g", explorable_m2())};
   if (options_.policy == "qnet" && !options_.model.empty()) {
     fleet.server_arguments.emplace_back("--model");
     fleet.server_arguments.emplace_back(options_.model);
@@ -214,6 +211,10 @@ FleetOptions DemoRun::fleet_options() const {
                                                               : options_.model);
   }
   return fleet;
+}
+
+double DemoRun::explorable_m2() const {
+  return static_cast<double>(meter_.explorable_cells()) * (kCellUm / 1e6) * (kCellUm / 1e6);
 }
 
 double DemoRun::real_seconds() const {
@@ -395,8 +396,7 @@ void DemoRun::save_outcome(const DemoResult& result) const {
                        static_cast<std::uint16_t>(note.robot), note.what, "");
   }
   database.save_outcome("coverage", result.scores.coverage);
-  database.save_outcome("explorable_m2", static_cast<double>(meter_.explorable_cells()) *
-                                             (kCellUm / 1e6) * (kCellUm / 1e6));
+  database.save_outcome("explorable_m2", explorable_m2());
   database.save_outcome("driven_m", result.driven_m);
   database.save_outcome("collisions", result.collisions);
   database.save_outcome("rer", result.scores.repeat_rate);
@@ -439,6 +439,10 @@ void DemoRun::write_report(const DemoResult& result, const cv::Mat& map) const {
                   {"truth.csv", "where the robots really were, ten times a second"},
                   {"robotN.map", "what each robot held at the end"},
                   {"logs/", "what each process said"}};
+  if (options_.record_scans) {
+    extras.files.insert(extras.files.end() - 1,
+                        {"robotN.recording", "what each lidar measured (ivfm log export)"});
+  }
   extras.command = options_.command_line;
   const fs::path database = options_.out / "run.db";
   std::ofstream out(options_.out / "report.html");

@@ -32,6 +32,7 @@ struct DemoOptions {
   double visit_range_m = 3;
   std::string odometry_noise = "none";
   std::vector<std::string> faults;
+  bool record_scans = false;
   std::string radio;               // faults between robots and server, as of ivfm radio
   std::vector<FleetEvent> events;  // robots that join late, leave or crash
   std::string target;              // X,Y in metres: seeing it is the goal; empty: none
@@ -91,6 +92,7 @@ class DemoRun {
   std::vector<Verdict> verdicts_of(const DemoResult& result) const;
   void write_report(const DemoResult& result, const cv::Mat& map) const;
   void print_table(const DemoResult& result) const;
+  double explorable_m2() const;
   double real_seconds() const;
 
   DemoOptions options_;

@@ -36,6 +36,7 @@ struct SimOptions {
   std::string lidar_noise = "mild";
   std::vector<std::string> faults;
   std::string truth;
+  std::string record;
 };
 
 // A user-space bus in a thread of this process.
@@ -192,6 +193,31 @@ void print_summary(const Simulation& simulation, const Pacer& pacer) {
               static_cast<double>(simulation.now_us()) / 1e6, pacer.largest_lag_ms());
 }
 
+// A recording a robot, if the folder is given.
+class ScanRecordings {
+ public:
+  ScanRecordings(std::string folder, Simulation& simulation) : folder_(std::move(folder)) {
+    if (folder_.empty()) return;
+    std::filesystem::create_directories(folder_);
+    for (const auto& robot : simulation.robots()) {
+      recorders_.push_back(std::make_unique<ScanRecorder>(
+          "robot " + std::to_string(robot->number()) + " in the simulated world " +
+          simulation.world().world.name + ", true poses"));
+      robot->record_scans(*recorders_.back());
+    }
+  }
+  void write() const {
+    for (std::size_t i = 0; i < recorders_.size(); ++i) {
+      write_recording(folder_ / ("robot" + std::to_string(i + 1) + ".recording"),
+                      recorders_[i]->recording());
+    }
+  }
+
+ private:
+  std::filesystem::path folder_;
+  std::vector<std::unique_ptr<ScanRecorder>> recorders_;
+};
+
 int simulate(SimOptions options) {
   for (const std::string& start : options.starts) {
     options.world.starts.push_back(parse_pose(start));
@@ -217,6 +243,7 @@ int simulate(SimOptions options) {
   Simulation simulation(std::move(world), config, links, buses.buses());
   print_connections(simulation, buses);
 
+  const ScanRecordings recordings(options.record, simulation);
   Pacer pacer(options.time_scale);
   CollisionReporter collisions(simulation.robots().size());
   const auto end_us =
@@ -228,6 +255,7 @@ int simulate(SimOptions options) {
     collisions.report(simulation);
     if (options.duration_s > 0) progress(simulation.now_us() / 1'000'000);
   }
+  recordings.write();
   print_summary(simulation, pacer);
   return 0;
 }
@@ -273,6 +301,9 @@ void add_sim_command(CLI::App& app, CommandAction& action) {
                       "such as lidar-silence@12s+3s, lidar-garbage#2@5s+1s, can-drop=0.1, "
                       "drive-fault@20s, drive-silence@30s+500ms; repeatable");
   command->add_option("--truth", options->truth, "CSV file for the true poses, 10 Hz");
+  command->add_option("--record", options->record,
+                      "folder for robotN.recording, what each lidar measured; ivfm replay and ivfm "
+                      "log export read them");
   command->footer("Example: ivfm sim --world corridor --robots 2 --lidar-dir /tmp/lidars");
   command->callback([options, &action] { action = [options] { return simulate(*options); }; });
 }

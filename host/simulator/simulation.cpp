@@ -54,7 +54,7 @@ SimulatedRobot::SimulatedRobot(int number, const PreparedWorld& world,
       metres_per_count_(config.wheels.wheel_circumference_um / 1e6 /
                         config.wheels.counts_per_turn) {
   terminal_.emulator().set_beam_source(
-      [this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
+      [this](TimeUs now_us, std::span<ScanPoint> beams) { measure(now_us, beams); });
 }
 
 void SimulatedRobot::step(TimeUs now_us, std::span<const TruePose> others) {
@@ -102,7 +102,7 @@ void SimulatedRobot::apply_faults(TimeUs now_us) {
   bus_.set_loss(loss);
 }
 
-void SimulatedRobot::measure(std::span<ScanPoint> beams) {
+void SimulatedRobot::measure(TimeUs now_us, std::span<ScanPoint> beams) {
   for (ScanPoint& beam : beams) {
     const LidarSample sample =
         rays_.measure(body_.pose(), beam.bearing.radians(), others_, body_.shape().radius_m);
@@ -110,6 +110,7 @@ void SimulatedRobot::measure(std::span<ScanPoint> beams) {
     beam.quality = sample.quality;
     beam.echo = sample.range_mm > 0 ? Echo::kHit : Echo::kNothing;
   }
+  if (recorder_ != nullptr) recorder_->take(now_us, body_.pose(), beams);
 }
 
 Simulation::Simulation(PreparedWorld world, SimulationConfig config,

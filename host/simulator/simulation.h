@@ -15,6 +15,7 @@
 #include "host/simulator/mrpt_lidar.h"
 #include "host/simulator/robot_body.h"
 #include "host/simulator/rplidar_terminal.h"
+#include "host/simulator/scan_recorder.h"
 #include "host/simulator/world_catalog.h"
 
 namespace ivfm::host {
@@ -60,12 +61,14 @@ class SimulatedRobot {
   int number() const { return number_; }
   const RobotBody& body() const { return body_; }
   RplidarTerminal& lidar() { return terminal_; }
+  // From now on `recorder` is told what the lidar measures. It must outlive this object.
+  void record_scans(ScanRecorder& recorder) { recorder_ = &recorder; }
   std::uint32_t lost_frames() const { return drives_.lost_frames(); }
 
  private:
   void apply_faults(TimeUs now_us);
   void roll_wheels(std::span<const TruePose> others);
-  void measure(std::span<ScanPoint> beams);
+  void measure(TimeUs now_us, std::span<ScanPoint> beams);
 
   int number_;
   const World& world_;
@@ -79,6 +82,7 @@ class SimulatedRobot {
   double metres_per_count_;
   double left_counts_ = 0, right_counts_ = 0;
   TimeUs next_garbage_us_ = 0;
+  ScanRecorder* recorder_ = nullptr;
   std::vector<bool> fault_begun_;
   std::vector<TruePose> others_;
 };

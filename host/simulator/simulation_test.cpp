@@ -109,6 +109,29 @@ TEST_F(RobotInRoom, TheLidarShowsTheWallsWhereTheyAre) {
   EXPECT_GT(hits, 300);
 }
 
+TEST_F(RobotInRoom, ARecordingHoldsEveryTurnOfTheLidar) {
+  start(room({{{1'000'000, 0}, BinaryAngle(std::uint16_t{0x4000})}}), exact());
+  ScanRecorder recorder("a room");
+  simulation_->robots()[0]->record_scans(recorder);
+  run(4, {});
+  const auto& scans = recorder.recording().scans;
+  ASSERT_GT(scans.size(), 15u);  // 5.5 Hz, less the start of the motor and the first turn
+  EXPECT_EQ(scans[0].time_us, 0u);
+  EXPECT_NEAR(static_cast<double>(recorder.recording().duration_us()) / 1e6 /
+                  static_cast<double>(scans.size() - 1),
+              0.18, 0.02);
+  for (const RecordedScan& scan : scans) {
+    EXPECT_EQ(scan.lidar_pose, (Pose{{1'000'000, 0}, BinaryAngle(std::uint16_t{0x4000})}));
+    ASSERT_EQ(scan.ranges_mm.size(), ScanRecorder::kRays);
+    for (std::size_t i = 0; i < scan.ranges_mm.size(); ++i) {
+      const double angle = M_PI / 2 + scan.bearing_of(i).radians();
+      const double x = 1 + scan.ranges_mm[i] / 1e3 * std::cos(angle);
+      const double y = scan.ranges_mm[i] / 1e3 * std::sin(angle);
+      EXPECT_NEAR(std::max(std::abs(x), std::abs(y)), 2.9, 0.06) << i;
+    }
+  }
+}
+
 TEST_F(RobotInRoom, StopsAtTheWallAndCountsIt) {
   start(room({{{2'000'000, 0}, BinaryAngle()}}), exact());
   run(1, {});
