@@ -11,6 +11,7 @@ namespace ivfm::host {
 namespace {
 
 constexpr double kWorthTelling = 0.05;  // of a robot's time
+constexpr double kShortS = 3;           // a stretch as at every start and end
 constexpr double kLossWorthTelling = 0.05;
 constexpr std::size_t kMostSpansNamed = 3;
 
@@ -67,20 +68,21 @@ std::string causes_of(const std::vector<Span>& spans) {
 void add_lost_time(const RobotRun& robot, Activity activity, const std::string& what,
                    const std::string& advice, std::vector<Finding>& findings) {
   const double time_s = robot.time_in(activity), all_s = task_time(robot);
-  if (all_s <= 0 || time_s < kWorthTelling * all_s) return;
+  if (time_s < kShortS || time_s < kWorthTelling * all_s) return;
   findings.push_back({time_s,
                       robot.name + " " + what + " for " + duration_text(time_s) + ", " +
                           percent(time_s / all_s) + " of its time.",
                       longest(spans_of(robot, activity)) + " " + advice});
 }
 
+std::string name_of(const RunData& run, std::uint16_t id) {
+  for (const RobotRun& robot : run.robots) {
+    if (robot.robot == id) return robot.name;
+  }
+  return "robot " + std::to_string(id);
+}
+
 void add_blockers(const RunData& run, std::vector<Finding>& findings) {
-  const auto name_of = [&](std::uint16_t id) {
-    for (const RobotRun& robot : run.robots) {
-      if (robot.robot == id) return robot.name;
-    }
-    return "robot " + std::to_string(id);
-  };
   for (const RobotRun& robot : run.robots) {
     std::map<std::uint16_t, std::vector<Span>> by_blocker;
     for (const Span& span : spans_of(robot, Activity::kHeldByRobot)) {
@@ -89,11 +91,11 @@ void add_blockers(const RunData& run, std::vector<Finding>& findings) {
     for (const auto& [blocker, spans] : by_blocker) {
       double time_s = 0;
       for (const Span& span : spans) time_s += span.length_s();
-      if (time_s < kWorthTelling * task_time(robot)) continue;
+      if (time_s < kShortS || time_s < kWorthTelling * task_time(robot)) continue;
       findings.push_back(
           {time_s,
            robot.name + " stood less than " + text_of("%g m", kNearM) + " from " +
-               name_of(blocker) + " for " + duration_text(time_s) + ", " +
+               name_of(run, blocker) + " for " + duration_text(time_s) + ", " +
                percent(time_s / task_time(robot)) + " of its time: they were in each other's way.",
            longest(spans) +
                " Start robots farther apart, or where there is room to pass each other."});
@@ -161,14 +163,41 @@ void add_idle_driving(const RunData& run, std::vector<Finding>& findings) {
            " a metre. They drove through what was known already, to frontiers far away."});
 }
 
+// A robot that called its work done long before the others.
 void add_early_end(const RunData& run, const RobotRun& robot, std::vector<Finding>& findings) {
   const double done_s = robot.time_in(Activity::kDone);
   if (done_s < 0.2 * run.time_s) return;
-  findings.push_back({done_s,
-                      robot.name + " had nothing left to explore for " + duration_text(done_s) +
-                          " after " + text_of("%.1f m", robot.driven_m) + " driven.",
-                      "Nothing unexplored could be reached from where it stood: it is shut in, or "
-                      "the others explored the rest."});
+  const auto first = std::find_if(robot.spans.begin(), robot.spans.end(), [](const Span& span) {
+    return span.activity == Activity::kDone;
+  });
+  const double all_m2 = run.explored_m2.empty() ? 0 : run.explored_m2.back().second;
+  const double later_m2 = all_m2 - value_at(run.explored_m2, first->begin_s);
+  const std::string when = text_of("%.0f s", first->begin_s) + " and " +
+                           text_of("%.1f m", value_at(robot.driven, first->begin_s)) + " driven";
+  if (later_m2 < kWorthTelling * all_m2) {
+    findings.push_back({done_s,
+                        robot.name + " had nothing left to explore for " + duration_text(done_s) +
+                            ", after " + when + ".",
+                        "By then the robots had seen nearly all that was seen in this run."});
+    return;
+  }
+  std::string headline = robot.name + " gave up after " + when + " and was idle for " +
+                         duration_text(done_s) + ": it found no way on";
+  std::string detail = "There was more: the others went on to find " +
+                       text_of("%.1f m²", later_m2) + ", " + percent(later_m2 / all_m2) +
+                       " of all. ";
+  if (first->blocker) {
+    const std::string blocker = name_of(run, *first->blocker);
+    headline += ", because " + blocker + " was in its way";
+    detail += blocker + " was less than " + text_of("%g m", kInWayM) +
+              " away when it gave up. Start robots farther apart, or where there is room to pass "
+              "each other.";
+  } else {
+    detail +=
+        "No other robot was near: it was shut in, or held for walls what were none. The map "
+        "shows where it stands.";
+  }
+  findings.push_back({done_s, headline + ".", detail});
 }
 
 void add_decisions(const RobotRun& robot, std::vector<Finding>& findings) {

@@ -62,5 +62,40 @@ TEST(Findings, NameFaultsWithTheirCause) {
   EXPECT_EQ(findings[0].headline, "one was in fault (lidar silent) for 40 s, 40 % of its time.");
 }
 
+// Two robots; the first is done after 10 of 100 s. `later_m2` were found after that.
+RunData run_with_an_early_end(double later_m2, std::optional<std::uint16_t> blocker) {
+  RunData run;
+  run.time_s = 100;
+  run.explored_m2 = {{0, 0}, {10, 20}, {100, 20 + later_m2}};
+  run.robots.resize(2);
+  run.robots[0].name = "one";
+  run.robots[0].driven = {{0, 0}, {10, 0.5}, {100, 0.5}};
+  run.robots[0].spans = {{0, 10, Activity::kDriving, 0, {}},
+                         {10, 100, Activity::kDone, 0, blocker}};
+  run.robots[1].robot = 2;
+  run.robots[1].name = "two";
+  run.robots[1].spans = {{0, 100, Activity::kDriving, 0, {}}};
+  return run;
+}
+
+TEST(Findings, TellARobotThatWasShutInFromOneThatWasDone) {
+  const auto shut_in = find_reasons(run_with_an_early_end(30, {}));
+  ASSERT_EQ(shut_in.size(), 1u);
+  EXPECT_EQ(shut_in[0].headline,
+            "one gave up after 10 s and 0.5 m driven and was idle for 1 min 30 s: it found no way "
+            "on.");
+  EXPECT_THAT(shut_in[0].detail,
+              AllOf(HasSubstr("find 30.0 m², 60 % of all"), HasSubstr("shut in")));
+  const auto done = find_reasons(run_with_an_early_end(0.5, {}));
+  ASSERT_EQ(done.size(), 1u);
+  EXPECT_THAT(done[0].headline, HasSubstr("nothing left to explore"));
+}
+
+TEST(Findings, NameTheRobotThatStoodInTheWayOfOneThatGaveUp) {
+  const auto findings = find_reasons(run_with_an_early_end(30, std::uint16_t{2}));
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_THAT(findings[0].headline, HasSubstr("because two was in its way."));
+}
+
 }  // namespace
 }  // namespace ivfm::host

@@ -261,9 +261,12 @@ class RunReader {
     span.activity = activity_of(now, state, causes, end_s - begin_s, moved_m);
     const bool idle =
         span.activity == Activity::kStanding || span.activity == Activity::kHeldByObstacle;
-    if (idle && now.pose) {
-      span.blocker = robot_near(one.robot, now.pose->position, end_s);
-      if (span.blocker) span.activity = Activity::kHeldByRobot;
+    const bool goes_on = !one.spans.empty() && one.spans.back().activity == span.activity && !idle;
+    if (goes_on) {
+      span.blocker = one.spans.back().blocker;
+    } else if (now.pose && (idle || span.activity == Activity::kDone)) {
+      span.blocker = robot_near(one.robot, now.pose->position, end_s, idle ? kNearM : kInWayM);
+      if (idle && span.blocker) span.activity = Activity::kHeldByRobot;
     }
     if (!one.spans.empty() && one.spans.back().activity == span.activity &&
         one.spans.back().blocker == span.blocker && one.spans.back().end_s == begin_s) {
@@ -296,14 +299,20 @@ class RunReader {
     return has(causes, StopReason::kObstacle) ? Activity::kHeldByObstacle : Activity::kStanding;
   }
 
-  std::optional<std::uint16_t> robot_near(std::uint16_t id, Point place, double time_s) const {
+  std::optional<std::uint16_t> robot_near(std::uint16_t id, Point place, double time_s,
+                                          double within_m) const {
+    std::optional<std::uint16_t> nearest;
+    double least_um = within_m * 1e6;
     for (const auto& [other, now] : now_) {
       if (other == id || !now.pose || !now.last_s || time_s - *now.last_s > kUnheardAfterS)
         continue;
       const Point at = now.pose->position;
-      if (std::hypot(at.x_um - place.x_um, at.y_um - place.y_um) < kNearM * 1e6) return other;
+      const double distance_um = std::hypot(at.x_um - place.x_um, at.y_um - place.y_um);
+      if (distance_um >= least_um) continue;
+      least_um = distance_um;
+      nearest = other;
     }
-    return std::nullopt;
+    return nearest;
   }
 
   void read_traffic() {

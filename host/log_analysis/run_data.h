@@ -35,13 +35,16 @@ inline constexpr std::size_t kActivities = 10;
 const char* to_string(Activity activity);
 // Robots whose middles are nearer than this are in each other's way.
 inline constexpr double kNearM = 0.8;
+// A robot as near as this can close a passage to another.
+inline constexpr double kInWayM = 1.5;
 
 // A stretch of one activity.
 struct Span {
   double begin_s = 0, end_s = 0;
   Activity activity = Activity::kDriving;
-  std::uint8_t causes = 0;               // StopReason bits that were told
-  std::optional<std::uint16_t> blocker;  // the near robot of kHeldByRobot
+  std::uint8_t causes = 0;  // StopReason bits that were told
+  // The near robot of kHeldByRobot; of kDone: the robot nearest when it gave up, if within kInWayM.
+  std::optional<std::uint16_t> blocker;
   double length_s() const { return end_s - begin_s; }
 };
 
