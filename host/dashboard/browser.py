@@ -39,12 +39,16 @@ class Browser:
         body = {"script": script, "args": list(arguments)}
         return self.call("POST", f"{self.session}/execute/sync", body)
 
+    def devtools(self, command, **parameters):
+        self.call("POST", f"{self.session}/goog/cdp/execute",
+                  {"cmd": command, "params": parameters})
+
     def size(self, width, height, mobile=False):
-        self.call("POST", f"{self.session}/goog/cdp/execute", {
-            "cmd": "Emulation.setDeviceMetricsOverride",
-            "params": {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile}})
+        self.devtools("Emulation.setDeviceMetricsOverride", width=width, height=height,
+                      deviceScaleFactor=1, mobile=mobile)
 
     def screenshot(self, path):
+        self.devtools("Emulation.setScrollbarsHidden", hidden=True)
         with open(path, "wb") as file:
             file.write(base64.b64decode(self.call("GET", f"{self.session}/screenshot")))
 

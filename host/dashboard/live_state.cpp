@@ -65,12 +65,13 @@ json describe_status(const RobotStatus& status) {
           {"retransmissions", status.retransmissions}};
 }
 
-json describe_robot(const RobotView& view, std::int32_t cell_um, double bytes_per_s) {
+json describe_robot(const RobotView& view, std::int32_t cell_um, double bytes_per_s, double lost) {
   json out{{"id", view.robot},
            {"name", view.name},
            {"seen_s", static_cast<double>(view.last_seen_us) / 1e6},
            {"bytes", view.traffic.bytes_in + view.traffic.bytes_out},
-           {"bytes_per_s", bytes_per_s}};
+           {"bytes_per_s", bytes_per_s},
+           {"lost", lost}};
   if (view.status) out.update(describe_status(*view.status));
   if (view.pose) {
     out["x"] = metres(view.pose->position.x_um);
@@ -96,6 +97,21 @@ std::string newest_of(const std::string& table, const std::string& columns) {
 }
 
 }  // namespace
+
+void LinkHealth::take(std::uint64_t sent, std::uint64_t arrived) {
+  if (!begun_ || sent < sent_) {
+    lost_ = 0;  // the robot has started again
+  } else if (sent - sent_ < kDatagrams) {
+    return;
+  } else {
+    const double share =
+        static_cast<double>(arrived - arrived_) / static_cast<double>(sent - sent_);
+    lost_ = std::round(100 * std::clamp(1 - share, 0.0, 1.0)) / 100;
+  }
+  begun_ = true;
+  sent_ = sent;
+  arrived_ = arrived;
+}
 
 void LiveState::restore(const std::filesystem::path& database) {
   const std::lock_guard lock(mutex_);
@@ -140,6 +156,7 @@ void LiveState::update_robot(const RobotView& view) {
   if (robot.revision != 0 && same(robot.view, view)) return;
   if (view.pose) add_trail_point(robot, view.pose->position);
   robot.view = view;
+  if (view.status) robot.link.take(view.status->datagrams_sent, view.traffic.datagrams_in);
   robot.revision = ++revision_;
 }
 
@@ -191,6 +208,7 @@ std::string LiveState::describe(const Range& range) const {
            {"more", range.until != revision_},
            {"time_s", static_cast<double>(now_us_) / 1e6},
            {"cell_m", cell_um_ / 1e6},
+           {"explorable_m2", explorable_m2_},
            {"explored_cells", explored_cells_},
            {"obstacle_cells", obstacle_cells_},
            {"dropped", dropped_},
@@ -199,7 +217,8 @@ std::string LiveState::describe(const Range& range) const {
            {"samples", json::array()}};
   for (const auto& [id, robot] : robots_) {
     if (range.has(robot.revision)) {
-      out["robots"].push_back(describe_robot(robot.view, cell_um_, robot.bytes_per_s));
+      out["robots"].push_back(
+          describe_robot(robot.view, cell_um_, robot.bytes_per_s, robot.link.lost()));
     }
     json points = json::array();
     for (const TrailPoint& point : robot.trail) {

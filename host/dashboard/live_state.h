@@ -21,6 +21,21 @@ struct Neighbourhood {
   LayerMap map;
 };
 
+// Which share of what a robot sends arrives, told anew every so many datagrams.
+class LinkHealth {
+ public:
+  static constexpr std::uint64_t kDatagrams = 40;
+  // The robot's count of datagrams since its start, and the server's of those that came.
+  void take(std::uint64_t sent, std::uint64_t arrived);
+  // 0 .. 1, of the last stretch that is complete.
+  double lost() const { return lost_; }
+
+ private:
+  bool begun_ = false;
+  std::uint64_t sent_ = 0, arrived_ = 0;
+  double lost_ = 0;
+};
+
 // Written by the server's thread, read by any. Every change gets the next revision.
 class LiveState {
  public:
@@ -29,6 +44,8 @@ class LiveState {
   LiveState(const LiveState&) = delete;
   LiveState& operator=(const LiveState&) = delete;
 
+  // What there is to explore in all; 0: nobody knows. Before the first update().
+  void set_explorable(double square_metres) { explorable_m2_ = square_metres; }
   // Paths and progress of a run that goes on. Throws std::runtime_error like map_reader.h.
   void restore(const std::filesystem::path& database);
   // Takes over what changed in the server since the last call.
@@ -55,6 +72,7 @@ class LiveState {
     Revision revision = 0;
     RobotView view;
     std::vector<TrailPoint> trail;
+    LinkHealth link;
     std::uint64_t sampled_bytes = 0;
     double bytes_per_s = 0;
   };
@@ -84,6 +102,7 @@ class LiveState {
   TimeUs now_us_ = 0;
   std::optional<TimeUs> sampled_us_;
   std::int32_t cell_um_ = 0;
+  double explorable_m2_ = 0;
   std::uint64_t explored_cells_ = 0;
   std::uint64_t obstacle_cells_ = 0;
   std::uint64_t dropped_ = 0;

@@ -138,5 +138,27 @@ TEST_F(LiveStateTest, KnowsTheWayOfARunThatGoesOn) {
   EXPECT_EQ(ask("run", 0)["trails"][0]["points"].size(), 2u);
 }
 
+TEST_F(LiveStateTest, TellsTheExplorableAreaOnlyIfItIsKnown) {
+  EXPECT_EQ(ask("", 0)["explorable_m2"], 0);
+  state_.set_explorable(232.5);
+  EXPECT_EQ(ask("", 0)["explorable_m2"], 232.5);
+}
+
+TEST(LinkHealth, TellsTheShareThatIsLostStretchByStretch) {
+  LinkHealth link;
+  link.take(100, 90);  // what was before is not known
+  EXPECT_EQ(link.lost(), 0);
+  link.take(139, 91);  // too few to tell
+  EXPECT_EQ(link.lost(), 0);
+  link.take(140, 120);
+  EXPECT_EQ(link.lost(), 0.25);
+  link.take(180, 160);
+  EXPECT_EQ(link.lost(), 0);
+  link.take(3, 163);  // started again
+  EXPECT_EQ(link.lost(), 0);
+  link.take(43, 183);
+  EXPECT_EQ(link.lost(), 0.5);
+}
+
 }  // namespace
 }  // namespace ivfm::host

@@ -99,6 +99,7 @@ class LiveView {
         state_(random_token()),
         page_(options.http, state_, random_token()) {
     page_.set_local_view(local_);
+    state_.set_explorable(options.explorable_m2);
     if (server.robot_count() > 0) state_.restore(options.database);
   }
   std::string link() const { return page_.url_with_token(); }
@@ -202,6 +203,10 @@ void add_serve_command(CLI::App& app, CommandAction& action) {
                    "of the robots in metres, for the page's local map")
       ->check(CLI::Range(0.1, 12.0))
       ->capture_default_str();
+  command
+      ->add_option("--explorable", options->explorable_m2,
+                   "square metres that there are to see, if known: the page shows the share")
+      ->check(CLI::PositiveNumber);
   command->add_option("--time-scale", options->time_scale, "times faster than the wall clock")
       ->check(CLI::Range(0.01, 1000.0))
       ->capture_default_str();

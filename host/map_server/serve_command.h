@@ -15,6 +15,7 @@ struct ServeOptions {
   std::string http;          // of the live page; empty: none
   std::string model;         // of the robots, for the page's Q map; empty: the shipped one, if any
   double visit_range_m = 3;  // of the robots, for the page's local map
+  double explorable_m2 = 0;  // what there is to see, for the page's share; 0: nobody knows
   double retention_s = 0;    // of the log in the database; 0: for ever
   double time_scale = 1.0;   // how many seconds pass for the server in one second
   std::string keys;          // file with the robots' keys; empty: no encryption, loopback only

@@ -8,7 +8,8 @@ import {RunModel} from './run_model.js';
 
 const kPeriodMs = 100, kHiddenPeriodMs = 1000, kRetryMs = 1000;
 const kChartPeriodMs = 1000, kSpeechPeriodMs = 10000;
-const kLateS = 3;  // a link this old is shown as late
+const kLateS = 3;      // a link this old is shown as late
+const kLossy = 0.2;    // and one that loses more than this share as bad
 
 const byId = id => document.getElementById(id);
 const model = new RunModel();
@@ -35,8 +36,13 @@ function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
+function exploredText() {
+  const share = model.exploredShare();
+  return `${model.exploredM2().toFixed(1)} m²` + (share === null ? '' : `, ${(share * 100).toFixed(1)} %`);
+}
+
 function showNumbers() {
-  setText(byId('explored'), `${model.exploredM2().toFixed(1)} m²`);
+  setText(byId('explored'), exploredText());
   setText(byId('time'), timeText(model.timeS));
   setText(byId('driven'), `${model.drivenM().toFixed(1)} m`);
   setText(byId('radio'), `${bytesText(model.bytesPerS())}/s`);
@@ -59,9 +65,11 @@ function showCharts() {
   const now = performance.now();
   if (now - chartsAt < kChartPeriodMs) return;
   chartsAt = now;
-  const cellM2 = model.cellM * model.cellM;
-  drawChart(byId('area-chart'), model.samples.map(s => [s[0], s[1] * cellM2]), 'm²',
-    `Explored area over time, now ${model.exploredM2().toFixed(1)} square metres`);
+  const share = model.explorableM2 > 0;  // of what there is to see, else the area
+  const perCell = model.cellM * model.cellM / (share ? model.explorableM2 / 100 : 1);
+  setText(byId('area-title'), share ? 'Explored share' : 'Explored area');
+  drawChart(byId('area-chart'), model.samples.map(s => [s[0], s[1] * perCell]), share ? '%' : 'm²',
+    `${byId('area-title').textContent} over time, now ${exploredText()}`);
   drawChart(byId('radio-chart'), model.samples.map(s => [s[0], s[2] / 1e3]), 'kB/s',
     `Radio traffic over time, now ${bytesText(model.bytesPerS())} a second`);
 }
@@ -75,7 +83,7 @@ function rowOf(robot) {
   let row = rows.get(robot.id);
   if (row) return row;
   row = document.createElement('tr');
-  for (let i = 0; i < 6; ++i) row.append(document.createElement('td'));
+  for (let i = 0; i < 7; ++i) row.append(document.createElement('td'));
   const button = document.createElement('button');
   button.type = 'button';
   button.setAttribute('aria-pressed', 'false');
@@ -113,11 +121,13 @@ function showRobots() {
     setText(cells[0].firstChild.lastChild, nameOf(robot));
     setText(cells[1], stateText(robot));
     setText(cells[2], `${age.toFixed(1)} s`);
-    setText(cells[3], `${(robot.distance_m ?? 0).toFixed(1)} m`);
-    setText(cells[4], String(robot.actions ?? 0));
-    setText(cells[5], `${bytesText(robot.bytes_per_s)}/s`);
+    setText(cells[3], `${(robot.lost * 100).toFixed(0)} %`);
+    setText(cells[4], `${(robot.distance_m ?? 0).toFixed(1)} m`);
+    setText(cells[5], String(robot.actions ?? 0));
+    setText(cells[6], `${bytesText(robot.bytes_per_s)}/s`);
     cells[1].className = robot.state === 'fault' ? 'fault' : '';
     cells[2].className = age > kLateS ? 'late' : '';
+    cells[3].className = robot.lost > kLossy ? 'late' : '';
   }
 }
 
@@ -247,8 +257,9 @@ function show() {
 }
 
 function showConnection(good) {
-  setText(byId('connection'), good ? 'Connected' : 'No answer from the server; trying again');
+  setText(byId('connection'), good ? 'Connected' : 'No answer from the server; this is what it told last');
   byId('connection').classList.toggle('lost', !good);
+  document.body.classList.toggle('stale', !good);
 }
 
 async function run() {

@@ -16,6 +16,7 @@ export class RunModel {
     this.timeS = 0;
     this.cellM = 0;
     this.exploredCells = 0;
+    this.explorableM2 = 0;
     this.tiles = new Map();
     this.robots = new Map();
     this.trails = new Map();
@@ -39,6 +40,7 @@ export class RunModel {
     this.timeS = head.time_s;
     this.cellM = head.cell_m;
     this.exploredCells = head.explored_cells;
+    this.explorableM2 = head.explorable_m2;
     for (const robot of head.robots) this.robots.set(robot.id, robot);
     for (const trail of head.trails) this.addTrail(trail.id, trail.points);
     for (const sample of head.samples) this.samples.push(sample);
@@ -71,6 +73,8 @@ export class RunModel {
   }
 
   exploredM2() { return this.exploredCells * this.cellM * this.cellM; }
+  // 0 .. 1 of what there is to see; null where nobody knows.
+  exploredShare() { return this.explorableM2 > 0 ? this.exploredM2() / this.explorableM2 : null; }
   drivenM() { return sum(this.robots, robot => robot.distance_m ?? 0); }
   bytesPerS() { return sum(this.robots, robot => robot.bytes_per_s); }
   // Seconds of the run since the robot was heard.
