@@ -52,7 +52,7 @@ soak: build ## 1,000 schedules of radio faults and kills, a million hostile data
 .PHONY: hil
 hil: deps ## Hardware in the loop: the packed robot on an emulated machine; faults and reaction times
 	@[[ -f $(HOST)/build.ninja ]] || cmake --preset host >/dev/null
-	@cmake --build --preset host -j $(JOBS) --target machine_simulator ivfm
+	@cmake --build --preset host -j $(JOBS) --target machine_simulator compare_maps ivfm
 	@for preset in aarch64 x86_64; do \
 	  toolchains/fetch_libsodium.sh $$preset; \
 	  cmake --preset $$preset >/dev/null; \

@@ -11,11 +11,11 @@ import cpio
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 WORK = ROOT / "build" / "hil"
-PROGRAMS = ("systemd", "udev", "kmod", "iproute2", "can-utils", "busybox-static")
+PROGRAMS = ("systemd", "udev", "kmod", "iproute2", "can-utils", "coreutils", "dash",
+            "busybox-static")
 MODULES = ("can", "can_raw", "vcan", "kvaser_pci", "xhci_pci", "ftdi_sio", "virtio_pci",
            "virtio_net", "9p", "9pnet_virtio")
-SHELL_TOOLS = ("cat", "cp", "date", "kill", "ls", "mkdir", "mount", "sed", "sh", "sleep", "umount",
-               "wc")
+SHELL_TOOLS = ("kill", "mount", "sed", "umount")
 LEFT_OUT = ("./usr/share/doc", "./usr/share/man", "./usr/share/locale", "./usr/lib/udev/hwdb.d",
             "./lib/udev/hwdb.d", "*/gconv")
 # What a robot in memory can do without; udev looks only at what has a driver here (hil/network).
@@ -62,7 +62,10 @@ def fetch(architecture):
     folder = WORK / architecture.debian / "apt"
     packages = folder / "cache" / "archives"
     kernels = folder / "kernel"
-    if not (folder / "complete").exists():
+    complete = folder / "complete"
+    if not complete.exists() or complete.read_text() != str(PROGRAMS):
+        for path in (packages, kernels):
+            shutil.rmtree(path, ignore_errors=True)
         for path in (folder / "lists" / "partial", packages / "partial", kernels):
             path.mkdir(parents=True, exist_ok=True)
         (folder / "status").touch()
@@ -77,7 +80,7 @@ def fetch(architecture):
         kernel = re.search(r"Depends: (linux-image-[0-9]\S+)",
                            run("apt-cache", *apt, "depends", f"linux-image-{architecture.debian}"))
         run("apt-get", *apt, "download", kernel.group(1), cwd=kernels)
-        (folder / "complete").touch()
+        complete.write_text(str(PROGRAMS))
     return next(kernels.glob("*.deb")), sorted(packages.glob("*.deb"))
 
 

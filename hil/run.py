@@ -7,6 +7,7 @@ import os
 import pathlib
 import re
 import shutil
+import sqlite3
 import subprocess
 import sys
 import time
@@ -18,11 +19,46 @@ import machine
 
 ROOT = machine.ROOT
 OUT = ROOT / "out/hil"
+IVFM = ROOT / "build/host/host/cli/ivfm"
+COMPARE_MAPS = ROOT / "build/host/hil/compare_maps"
 ALLOCATE = ("malloc", "calloc", "realloc", "memalign", "posix_memalign", "aligned_alloc")
 LIMIT_S = 1200  # real seconds for a machine: a busy host is slow, and nothing else
 
 
-def prepare(scenario, folder, start):
+class MapServer:
+    """`ivfm serve` outside the machine, which reaches it as 10.0.2.2, and a key for the robot."""
+
+    def __init__(self, folder):
+        self.database = folder / "run.db"
+        keys = folder / "keys"
+        machine.run(IVFM, "keygen", "--robots", "1", "--out", keys)
+        self.robot_key = keys / "robot1.key"
+        self.process = subprocess.Popen(
+            [IVFM, "serve", "--listen", "127.0.0.1:0", "--db", self.database,
+             "--keys", keys / "server.keys"], stdout=subprocess.PIPE, text=True)
+        listening = re.match(r"listening on \S+:(\d+),", self.process.stdout.readline())
+        if listening is None:
+            self.stop()
+            raise RuntimeError("the map server does not start")
+        self.port = int(listening.group(1))
+
+    def stop(self):
+        self.process.terminate()
+        self.process.wait()
+
+
+def first_start_lines(scenario):
+    """The commands of docs/first_start.md: all that the machine can obey, or where the key goes."""
+    sections = (ROOT / "docs/first_start.md").read_text().split("\n## ")
+    install, by_hand = ([line.split("  #")[0].strip() for line in section.splitlines()
+                         if line.startswith("    ") and not line.startswith("    apt ")]
+                        for section in sections if section.startswith(("3. ", "4. ")))
+    if not scenario.get("first_start"):
+        return [line for line in install if line.startswith(("install ", "ln "))]
+    return install + [f"timeout --preserve-status -s INT 8 {line}" for line in by_hand]
+
+
+def prepare(scenario, folder, start, server):
     """Writes the machine's initramfs for this scenario."""
     architecture = machine.ARCHITECTURES[scenario["machine"]]
     overlay = folder / "overlay"
@@ -39,10 +75,16 @@ def prepare(scenario, folder, start):
     (overlay / "etc/hil.env").write_text(f"DRIVES={drives}\n")
     config = overlay / "etc/ivfm/agent.toml"
     changes = {"can": f'"socketcan:{can}"', "start": f"[{start}]", "telemetry": '"json"',
-               "dump-map": '"/var/lib/ivfm/map"', **scenario.get("agent", {})}
+               "dump-map": '"/var/lib/ivfm/map"'}
+    if server is not None:
+        changes |= {"server": f'"10.0.2.2:{server.port}"', "key": '"/var/lib/ivfm/radio.key"'}
+        (overlay / "root").mkdir()
+        shutil.copy(server.robot_key, overlay / "root/robot1.key")
+        (overlay / "etc/hil.first_start").write_text(
+            "".join(f"{line}\n" for line in first_start_lines(scenario)))
     lines = []
     for line in config.read_text().splitlines():
-        key = line.split(" = ")[0]
+        key = line.removeprefix("# ").split(" = ")[0]
         lines.append(f"{key} = {changes[key]}" if key in changes else line)
     config.write_text("\n".join(lines) + "\n")
     # QEMU's adapter is an FTDI, the lidar's a CP2102.
@@ -93,6 +135,34 @@ def judge_memory(scenario, out):
     return verdicts
 
 
+def judge_first_start(out):
+    """Verdicts on the lines that a person types in: each must end well."""
+    text = (out / "first_start.log").read_text()
+    codes = re.findall(r"^exit (\d+)$", text, re.MULTILINE)
+    good = codes.count("0")
+    return [judge.Verdict("lines obeyed", f"{len(codes)}, all", f"{good}", 0 < len(codes) == good),
+            judge.Verdict("by hand", "explores", "yes" if '"exploring"' in text else "no",
+                          '"exploring"' in text)]
+
+
+def judge_server(scenario, folder, server):
+    """Verdicts on what the map server knows in the end, and when it heard the robot."""
+    compared = subprocess.run([COMPARE_MAPS, server.database, folder / "out/agent.map"], text=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    verdicts = [judge.Verdict("server's map", "the robot's", compared.stdout.strip()[-200:],
+                              compared.returncode == 0)]
+    database = sqlite3.connect(server.database)
+    heard = [uptime_ms / 1000 for uptime_ms, in
+             database.execute("SELECT uptime_ms FROM status ORDER BY uptime_ms")]
+    database.close()
+    least = max((event.get("least_silence_s", 0) for event in scenario.get("event", [])), default=0)
+    if least:
+        silence = max((b - a for a, b in zip(heard, heard[1:])), default=0)
+        verdicts.append(judge.Verdict("no radio for", f"at least {least} s", f"{silence:.1f} s",
+                                      silence >= least))
+    return verdicts
+
+
 def play(name):
     """Plays one scenario in its own folder; returns (scenario, verdicts, seconds it took)."""
     path = ROOT / "hil/scenarios" / f"{name}.toml"
@@ -106,22 +176,31 @@ def play(name):
             [ROOT / "build/host/hil/machine_simulator", path, "--memory", folder / "exchange",
              "--lidar", folder / "lidar", "--monitor", folder / "monitor",
              "--truth", folder / "truth.csv"], stdout=subprocess.PIPE, stderr=log, text=True)
+    server = None
     try:
         start = simulator.stdout.readline().removeprefix("start ").strip()
         if not start:
             raise RuntimeError((folder / "simulator.log").read_text())
-        prepare(scenario, folder, start)
+        server = MapServer(folder) if scenario.get("map_server") else None
+        prepare(scenario, folder, start, server)
         subprocess.run(machine.command(machine.ARCHITECTURES[scenario["machine"]], folder),
                        stdin=subprocess.DEVNULL, timeout=LIMIT_S, check=True,
                        stdout=subprocess.DEVNULL)
         verdicts = judge.judge(scenario, (folder / "out/can.log").read_text())
         verdicts += judge_memory(scenario, folder / "out")
+        if scenario.get("first_start"):
+            verdicts += judge_first_start(folder / "out")
+        if server is not None:
+            server.stop()
+            verdicts += judge_server(scenario, folder, server)
     except (OSError, RuntimeError, ValueError, subprocess.SubprocessError) as error:
         verdicts = [judge.Verdict("the machine runs", "to its end", str(error)[-200:], False)]
     finally:
+        if server is not None:
+            server.stop()
         simulator.terminate()
         (folder / "simulator.log").write_text(simulator.communicate()[0])
-    for leftover in ("initramfs", "overlay", "exchange", "monitor"):
+    for leftover in ("initramfs", "overlay", "exchange", "monitor", "keys"):
         target = folder / leftover
         shutil.rmtree(target) if target.is_dir() else target.unlink(missing_ok=True)
     return scenario, verdicts, time.monotonic() - began
