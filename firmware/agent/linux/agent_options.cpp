@@ -45,6 +45,7 @@ const std::array kOptions{
     Option{"robot-id", &AgentOptions::robot_id, "Number of this robot in its team", 1, 250},
     Option{"key", &AgentOptions::key,
            "File with this robot's radio key (ivfm keygen); needed by a server on another machine"},
+    Option{"plain-radio", &AgentOptions::plain_radio, "Go without a key to other machines, too"},
     Option{"radio-rate", &AgentOptions::radio_rate,
            "Most bytes a second that the radio sends, 0 for no limit", 0, 100'000'000},
     Option{"model", &AgentOptions::model, "Quantized policy; without it: nearest unexplored place"},

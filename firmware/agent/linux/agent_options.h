@@ -25,6 +25,7 @@ struct AgentOptions {
   std::string server;  // HOST:PORT; empty: no radio
   std::int64_t robot_id = 1;
   std::string key;              // file with this robot's radio key; empty: no encryption
+  bool plain_radio = false;     // goes without a key even when the server is another machine
   std::int64_t radio_rate = 0;  // bytes a second that may be sent; 0: no limit
   std::string model;  // quantized Q-network; empty: goes to the nearest unexplored place instead
   ProfileChoice profile = ProfileChoice::kRobot;

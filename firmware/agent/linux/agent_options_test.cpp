@@ -82,7 +82,8 @@ TEST(AgentOptions, FlagsSetEveryKindOfValue) {
                               "json",
                               "--log-file",
                               "a.log",
-                              "--return-home"});
+                              "--return-home",
+                              "--plain-radio"});
   ASSERT_TRUE(options);
   EXPECT_EQ(options->lidar, "/dev/pts/3");
   EXPECT_EQ(options->can, "socketcand:127.0.0.1:29536/robot1");
@@ -103,6 +104,7 @@ TEST(AgentOptions, FlagsSetEveryKindOfValue) {
   EXPECT_EQ(options->telemetry, TelemetryFormat::kJson);
   EXPECT_EQ(options->log_file, "a.log");
   EXPECT_TRUE(options->return_home);
+  EXPECT_TRUE(options->plain_radio);
 }
 
 TEST(AgentOptions, TheExampleFileHoldsEveryDefault) {

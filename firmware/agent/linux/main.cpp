@@ -69,6 +69,8 @@ class Devices {
  public:
   explicit Devices(const AgentOptions& options)
       : clock_(options.time_scale), lidar_(options.lidar) {
+    if (!options.key.empty()) seal_ = read_seal(options.key, options.robot_id);
+    if (!options.server.empty()) open_radio(options);
     const Status status = lidar_.open();
     if (!ok(status)) {
       throw std::runtime_error(
@@ -77,20 +79,6 @@ class Devices {
     }
     std::string error;
     if (!ok(can_.open(options.can, 5000, error))) throw std::runtime_error(error);
-    if (!options.key.empty()) seal_ = read_seal(options.key, options.robot_id);
-    if (options.server.empty()) return;
-    radio_ = std::make_unique<UdpSocket>(options.server);
-    if (!ok(radio_->status())) {
-      throw std::runtime_error("cannot reach the map server " + options.server + ": " +
-                               radio_->error_text());
-    }
-    if (!seal_ && !radio_->peer_is_loopback()) {
-      std::fprintf(
-          stderr,
-          "ivfm-agent: the radio to %s is not encrypted, and ivfm serve does not listen to "
-          "other machines like that; give --key FILE (ivfm keygen writes one)\n",
-          options.server.c_str());
-    }
   }
 
   LinuxClock& clock() { return clock_; }
@@ -102,6 +90,18 @@ class Devices {
   bool has_radio() const { return radio_ != nullptr; }
 
  private:
+  void open_radio(const AgentOptions& options) {
+    radio_ = std::make_unique<UdpSocket>(options.server);
+    if (!ok(radio_->status())) {
+      throw std::runtime_error("cannot reach the map server " + options.server + ": " +
+                               radio_->error_text());
+    }
+    if (seal_ || radio_->peer_is_loopback() || options.plain_radio) return;
+    throw std::runtime_error("the radio to " + options.server +
+                             " would be readable and open to everybody; give --key FILE (ivfm "
+                             "keygen writes one), or --plain-radio where a tunnel protects it");
+  }
+
   LinuxClock clock_;
   LinuxSerialPort lidar_;
   CanPort can_;
