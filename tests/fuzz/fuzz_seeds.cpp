@@ -31,13 +31,18 @@ void write(const std::string& fuzzer, const std::string& name, const Bytes& byte
              static_cast<std::streamsize>(bytes.size()));
 }
 
-// A message by itself, and as the link fuzzer takes it.
+// A message by itself, and as the fuzzers of the link and of the server take it.
 void write_message(const std::string& name, const Bytes& body, MessageKind kind) {
   write("messages", name, body);
   Bytes wrapped = {static_cast<std::uint8_t>(static_cast<unsigned>(kind) & 7u),
                    static_cast<std::uint8_t>((body.size() + 3) / 4)};
   wrapped.insert(wrapped.end(), body.begin(), body.end());
   write("link", name, wrapped);
+  if (is_from_server(kind)) return;
+  wrapped = {static_cast<std::uint8_t>(0x20 + static_cast<unsigned>(kind) - 1),
+             static_cast<std::uint8_t>((body.size() + 4) / 5)};
+  wrapped.insert(wrapped.end(), body.begin(), body.end());
+  write("server", name, wrapped);
 }
 
 template <typename Message>
