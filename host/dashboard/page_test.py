@@ -41,8 +41,8 @@ def wait_until(what, condition, seconds=60):
 
 
 class Server:
-    def __init__(self, ivfm, database):
-        command = [ivfm, "serve", "--listen", "127.0.0.1:0", "--db", database, "--http", "0"]
+    def __init__(self, ivfm, database, *more):
+        command = [ivfm, "serve", "--listen", "127.0.0.1:0", "--db", database, "--http", "0", *more]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         self.udp = re.search(r"listening on (\S+),", self.process.stdout.readline())[1]
         self.link = re.search(r"live page (\S+)", self.process.stdout.readline())[1]
@@ -72,7 +72,8 @@ def check_drawing(browser, database):
     for (x, y), (visits, obstacles) in expected.items():
         drawn = browser.run("return ivfmPage.drawnCells(...arguments)", x, y)
         wanted = [wall if o else palette[v] or "" for v, o in zip(visits, obstacles)]
-        assert drawn == wanted, f"tile {x}, {y} is drawn wrongly"
+        wrong = [(i, a, b) for i, (a, b) in enumerate(zip(drawn, wanted)) if a != b]
+        assert not wrong, f"tile {x}, {y} is drawn wrongly in {len(wrong)} cells, as {wrong[0]}"
         cells += len(drawn)
     print(f"{cells} cells are drawn as the database says")
 
@@ -158,7 +159,8 @@ def take_pictures(browser, folder):
         browser.size(width, height, mobile=width < 500)
         if browser.run("return document.documentElement.dataset.theme") != theme:
             click(browser, "#theme")
-        time.sleep(1.5)
+        click(browser, "#fit")
+        time.sleep(1)
         wide = browser.run("return document.documentElement.scrollWidth")
         assert wide <= width, f"{name}: the page is {wide} pixels wide"
         browser.screenshot(folder / f"{name}.png")
