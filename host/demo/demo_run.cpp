@@ -446,7 +446,9 @@ void DemoRun::write_report(const DemoResult& result, const cv::Mat& map) const {
   extras.command = options_.command_line;
   const fs::path database = options_.out / "run.db";
   std::ofstream out(options_.out / "report.html");
-  out << render_run_report(load_run(database), load_timeline(database), map, extras);
+  RunData run = load_run(database);
+  const std::vector<TimelineEntry> timeline = load_timeline(database, run.warnings);
+  out << render_run_report(run, timeline, map, extras);
   out.close();
   if (!out) {
     throw std::runtime_error((options_.out / "report.html").string() + " cannot be written");

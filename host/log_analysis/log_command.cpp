@@ -27,11 +27,12 @@ std::string text_of(const char* format, double value) {
 }
 
 RunData load_with_progress(const fs::path& database) {
-  ProgressLine line(100, "% of " + database.filename().string());
-  RunData run = load_run(database, [&line](std::uint64_t percent) { line(percent); });
-  for (const std::string& warning : run.warnings) {
-    std::cerr << "ivfm log: " << database.string() << ": " << warning << '\n';
+  RunData run;
+  {
+    ProgressLine line(100, "% of " + database.filename().string());
+    run = load_run(database, [&line](std::uint64_t percent) { line(percent); });
   }
+  tell(database, run.warnings);
   return run;
 }
 
@@ -43,8 +44,13 @@ void write_text(const fs::path& path, const std::string& text) {
 }
 
 void write_video(const fs::path& database, const fs::path& mp4, const VideoOptions& options) {
-  ProgressLine line(static_cast<std::uint64_t>(options.length_s * options.frames_per_s), "frames");
-  write_run_video(database, mp4, options, [&line](std::uint64_t done) { line(done); });
+  Warnings warnings;
+  {
+    ProgressLine line(static_cast<std::uint64_t>(options.length_s * options.frames_per_s),
+                      "frames");
+    warnings = write_run_video(database, mp4, options, [&line](std::uint64_t done) { line(done); });
+  }
+  tell(database, warnings);
 }
 
 std::string cell_text(const SqliteStatement& row, int column) {
@@ -71,15 +77,16 @@ void print_row(const std::vector<std::string>& row, const std::vector<std::size_
 
 }  // namespace
 
+void tell(const fs::path& database, const Warnings& warnings) {
+  for (const std::string& warning : warnings) {
+    std::cerr << "ivfm log: " << database.string() << ": " << warning << '\n';
+  }
+}
+
 void write_log_report(const fs::path& database, const fs::path& html) {
   RunData run = load_with_progress(database);
   const cv::Mat map = run.explored_cells + run.obstacle_cells > 0 ? draw_run(run) : cv::Mat();
-  std::vector<TimelineEntry> timeline;
-  try {
-    timeline = load_timeline(database);
-  } catch (const DatabaseError&) {
-    run.warnings.emplace_back("its events cannot be read: the file is damaged");
-  }
+  const std::vector<TimelineEntry> timeline = load_timeline(database, run.warnings);
   write_text(html, render_run_report(run, timeline, map));
 }
 
@@ -93,24 +100,32 @@ void print_query(const fs::path& database, const std::string& sql, std::ostream&
   std::vector<std::vector<std::string>> table(1);
   for (int i = 0; i < query.column_count(); ++i) table[0].push_back(query.column_name(i));
   if (table[0].empty()) throw std::runtime_error("the query yields no columns: begin with SELECT");
-  while (query.row()) {
-    std::vector<std::string> row;
-    for (int i = 0; i < query.column_count(); ++i) row.push_back(cell_text(query, i));
-    table.push_back(std::move(row));
-  }
+  Warnings warnings;
+  salvage(warnings, "a part of the answer", [&] {
+    ProgressLine line;
+    while (query.row()) {
+      std::vector<std::string> row;
+      for (int i = 0; i < query.column_count(); ++i) row.push_back(cell_text(query, i));
+      table.push_back(std::move(row));
+      line.say(std::to_string(table.size() - 1) + " rows");
+    }
+  });
   std::vector<std::size_t> widths(table[0].size());
   for (const auto& row : table) {
     for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], width_of(row[i]));
   }
   for (const auto& row : table) print_row(row, widths, out);
+  tell(database, warnings);
 }
 
 void print_timeline(const fs::path& database, std::ostream& out) {
-  for (const TimelineEntry& entry : load_timeline(database)) {
+  Warnings warnings;
+  for (const TimelineEntry& entry : load_timeline(database, warnings)) {
     out << text_of("%10.1f s  ", entry.time_s)
         << (entry.robot ? "robot " + std::to_string(*entry.robot) + "  " : "") << entry.text
         << '\n';
   }
+  tell(database, warnings);
 }
 
 namespace {

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "host/log_analysis/run_compare.h"
+#include "host/log_analysis/run_export.h"
 #include "host/log_analysis/run_video.h"
 #include "host/log_analysis/synthetic_run.h"
 #include "host/map_server/scratch_folder.h"
@@ -220,6 +221,33 @@ TEST(LogCommand, SavesWhatCanBeReadOfADamagedFile) {
     write_log_report(cut, folder / "cut.html");
   }
   EXPECT_GE(partly, 2);
+}
+
+TEST(LogCommand, EveryCommandSavesWhatItCanAndSaysWhatItCannot) {
+  const ScratchFolder folder;
+  const auto cut = folder / "cut.db";
+  int warned = 0;
+  std::ptrdiff_t most_rows = 0;
+  for (const double share : {0.2, 0.4, 0.6}) {
+    std::filesystem::remove(cut);
+    write_synthetic_run(cut, {});
+    const auto whole = static_cast<double>(std::filesystem::file_size(cut));
+    std::filesystem::resize_file(cut, static_cast<std::uintmax_t>(share * whole));
+    Warnings warnings;
+    EXPECT_FALSE(load_timeline(cut, warnings).empty()) << share;
+    std::ostringstream out;
+    print_query(cut, "SELECT * FROM poses", out);
+    const std::string rows = out.str();
+    most_rows = std::max(most_rows, std::count(rows.begin(), rows.end(), '\n'));
+    warned += export_csv(cut, folder / "csv").empty() ? 0 : 1;
+  }
+  EXPECT_GE(warned, 1);
+  EXPECT_GT(most_rows, 100);
+}
+
+TEST(LogCommand, SaysThatAFolderIsNone) {
+  const ScratchFolder folder;
+  EXPECT_THAT(failure(folder / "."), HasSubstr("is a folder"));
 }
 
 }  // namespace

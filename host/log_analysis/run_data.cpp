@@ -111,17 +111,8 @@ class RunReader {
                             std::to_string(expected) + " bytes are there");
   }
 
-  template <typename Work>
-  void attempt(const char* what, Work work) {
-    try {
-      work();
-    } catch (const DatabaseError& error) {
-      if (error.code() != SQLITE_CORRUPT && error.code() != SQLITE_IOERR &&
-          error.code() != SQLITE_NOTADB) {
-        throw;
-      }
-      run_.warnings.push_back(std::string(what) + " cannot be read: the file is damaged");
-    }
+  void attempt(const char* what, const std::function<void()>& work) {
+    salvage(run_.warnings, what, work);
   }
 
   void report(std::int64_t time_us, double from, double to) {
@@ -194,7 +185,7 @@ class RunReader {
     SqliteStatement poses(connection_, "SELECT time_us, robot, x_um, y_um, heading FROM poses");
     SqliteStatement rows(connection_,
                          "SELECT time_us, robot, state, fault, actions, distance_mm, decision_us, "
-                         "datagrams_sent, retransmissions FROM status");
+                         "datagrams_sent, retransmissions, uptime_ms FROM status");
     bool more_poses = poses.row();
     while (rows.row()) {
       const std::int64_t time_us = rows.integer(0);
@@ -230,6 +221,11 @@ class RunReader {
     const double moved_m = static_cast<double>(now.distance_mm.take(count(row.integer(5)))) / 1e3;
     now.sent.take(count(row.integer(7)));
     now.retransmissions.take(count(row.integer(8)));
+    // A robot that was not heard from its start on says in its first message how long it has run.
+    const double begin_s = std::max(0.0, time_s - static_cast<double>(row.integer(9)) / 1e3);
+    if (!now.last_s && time_s - begin_s > kUnheardAfterS) {
+      one.spans.push_back({begin_s, time_s, Activity::kUnheard, 0, {}});
+    }
     if (now.last_s) {
       add_span(one, now, row.integer(2), causes, *now.last_s, time_s, moved_m);
     }
@@ -528,21 +524,35 @@ double RunData::judged(const std::string& key, double otherwise) const {
   return found == outcome.end() ? otherwise : found->second;
 }
 
+void salvage(Warnings& warnings, const std::string& what, const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const DatabaseError& error) {
+    if (error.code() != SQLITE_CORRUPT && error.code() != SQLITE_IOERR &&
+        error.code() != SQLITE_NOTADB) {
+      throw;
+    }
+    warnings.push_back(what + " cannot be read: the file is damaged");
+  }
+}
+
 RunData load_run(const std::filesystem::path& database, const LoadProgress& progress) {
   return RunReader(database, progress).read();
 }
 
-std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database) {
-  SqliteConnection connection = open_run_database(database);
-  std::vector<TimelineEntry> entries;
-  SqliteStatement events(connection,
-                         "SELECT time_us, robot, kind, detail FROM events ORDER BY time_us");
+namespace {
+
+void read_events(SqliteConnection& connection, std::vector<TimelineEntry>& entries) {
+  SqliteStatement events(connection, "SELECT time_us, robot, kind, detail FROM events");
   while (events.row()) {
     TimelineEntry entry{seconds(events.integer(0)), std::nullopt, events.text(2)};
     if (!events.is_null(1)) entry.robot = robot_id(events.integer(1));
     if (const std::string detail = events.text(3); !detail.empty()) entry.text += ": " + detail;
     entries.push_back(std::move(entry));
   }
+}
+
+void read_changes(SqliteConnection& connection, std::vector<TimelineEntry>& entries) {
   SqliteStatement status(connection, "SELECT time_us, robot, state, fault FROM status");
   std::map<std::uint16_t, std::string> last;
   while (status.row()) {
@@ -556,6 +566,16 @@ std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database) 
     last[robot] = text;
     entries.push_back({seconds(status.integer(0)), robot, text});
   }
+}
+
+}  // namespace
+
+std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database,
+                                         Warnings& warnings) {
+  SqliteConnection connection = open_run_database(database);
+  std::vector<TimelineEntry> entries;
+  salvage(warnings, "a part of its events", [&] { read_events(connection, entries); });
+  salvage(warnings, "a part of the changes of state", [&] { read_changes(connection, entries); });
   std::stable_sort(entries.begin(), entries.end(),
                    [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
   return entries;

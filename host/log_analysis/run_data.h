@@ -71,6 +71,12 @@ struct RobotRun {
   double time_in(Activity activity) const;
 };
 
+// What of a damaged file could not be read, a sentence each.
+using Warnings = std::vector<std::string>;
+// Does `work`. When the file turns out to be damaged that becomes a warning about `what` ("a part
+// of its map"), and what was read until then stays. Throws what `work` throws for other reasons.
+void salvage(Warnings& warnings, const std::string& what, const std::function<void()>& work);
+
 struct TimelineEntry {
   double time_s = 0;
   std::optional<std::uint16_t> robot;
@@ -90,8 +96,8 @@ struct RunData {
   std::array<double, 9> visits_m2{};
   // What the run's own judge said, who knew the world: `ivfm demo` (docs/run_database.md).
   std::map<std::string, double> outcome;
-  LayerMap map;                       // merged
-  std::vector<std::string> warnings;  // what of the file could not be read
+  LayerMap map;  // merged
+  Warnings warnings;
 
   std::uint64_t actions() const;
   std::uint64_t wire_bytes() const;
@@ -107,9 +113,9 @@ using LoadProgress = std::function<void(std::uint64_t)>;
 // sentence when `database` is no run database or nothing of it can be read.
 RunData load_run(const std::filesystem::path& database, const LoadProgress& progress = {});
 
-// Starts, finds, refusals, and changes of the robots' states and faults, in the order of time.
-// Throws as above.
-std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database);
+// Starts, finds, refusals, and changes of the robots' states and faults, in the order of time. Adds
+// to `warnings` what cannot be read; throws as above.
+std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database, Warnings& warnings);
 
 // The paths and goals for a picture, in the order of the robots.
 std::vector<Trajectory> trajectories_of(const RunData& run);

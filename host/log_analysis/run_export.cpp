@@ -32,17 +32,19 @@ std::string csv_field(const std::string& text) {
 
 template <typename OnRow>
 void export_table(SqliteConnection& connection, const std::string& table, const fs::path& file,
-                  OnRow on_row) {
+                  OnRow on_row, Warnings& warnings) {
   SqliteStatement rows(connection, ("SELECT * FROM " + table).c_str());
   std::ofstream out(file);
   const int columns = rows.column_count();
   for (int i = 0; i < columns; ++i) out << (i ? "," : "") << csv_field(rows.column_name(i));
   out << "\r\n";
-  while (rows.row()) {
-    for (int i = 0; i < columns; ++i) out << (i ? "," : "") << csv_field(rows.text(i));
-    out << "\r\n";
-    on_row();
-  }
+  salvage(warnings, "a part of its table " + table, [&] {
+    while (rows.row()) {
+      for (int i = 0; i < columns; ++i) out << (i ? "," : "") << csv_field(rows.text(i));
+      out << "\r\n";
+      on_row();
+    }
+  });
   close_checked(out, file);
 }
 
@@ -84,7 +86,8 @@ std::string polyline(const RunData& run, const std::vector<Point>& points) {
 
 }  // namespace
 
-void export_ros_map(const fs::path& database, const fs::path& yaml, const LoadProgress& progress) {
+Warnings export_ros_map(const fs::path& database, const fs::path& yaml,
+                        const LoadProgress& progress) {
   const RunData run = load_run(database, progress);
   need_map(run);
   std::vector<MapCell> cells;
@@ -94,9 +97,11 @@ void export_ros_map(const fs::path& database, const fs::path& yaml, const LoadPr
                                               : MapCell::kUnknown);
   }
   write_map_file(yaml, GridFrame(run.map.cell_um, run.map.bounds), cells);
+  return run.warnings;
 }
 
-void export_csv(const fs::path& database, const fs::path& folder, const LoadProgress& progress) {
+Warnings export_csv(const fs::path& database, const fs::path& folder,
+                    const LoadProgress& progress) {
   SqliteConnection connection = open_run_database(database);
   std::error_code error;
   fs::create_directories(folder, error);
@@ -107,19 +112,23 @@ void export_csv(const fs::path& database, const fs::path& folder, const LoadProg
                         "('tiles', 'first_seen') ORDER BY name");
   while (names.row()) tables.push_back(names.text(0));
   std::uint64_t done = 0, total = 1;
+  Warnings warnings, ignored;
   for (const std::string& table : tables) {
     const std::string sql = "SELECT count(*) FROM " + table;
-    total += static_cast<std::uint64_t>(connection.integer(sql.c_str()).value_or(0));
+    salvage(ignored, table, [&] {
+      total += static_cast<std::uint64_t>(connection.integer(sql.c_str()).value_or(0));
+    });
   }
   const auto count_row = [&] {
     if (progress && ++done % 4096 == 0) progress(100 * done / total);
   };
   for (const std::string& table : tables) {
-    export_table(connection, table, folder / (table + ".csv"), count_row);
+    export_table(connection, table, folder / (table + ".csv"), count_row, warnings);
   }
+  return warnings;
 }
 
-void export_svg(const fs::path& database, const fs::path& svg, const LoadProgress& progress) {
+Warnings export_svg(const fs::path& database, const fs::path& svg, const LoadProgress& progress) {
   const RunData run = load_run(database, progress);
   need_map(run);
   const CellRect& bounds = run.map.bounds;
@@ -141,6 +150,7 @@ void export_svg(const fs::path& database, const fs::path& svg, const LoadProgres
   }
   out << "</svg>\n";
   close_checked(out, svg);
+  return run.warnings;
 }
 
 }  // namespace ivfm::host

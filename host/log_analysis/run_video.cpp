@@ -26,8 +26,7 @@ struct Sight {
   Cell cell;
 };
 
-std::vector<Sight> load_sights(SqliteConnection& connection) {
-  std::vector<Sight> sights;
+void read_sights(SqliteConnection& connection, std::vector<Sight>& sights) {
   SqliteStatement rows(connection, "SELECT layer, tile_x, tile_y, times FROM first_seen");
   while (rows.row()) {
     const TileKey key{static_cast<Layer>(rows.integer(0)),
@@ -41,6 +40,11 @@ std::vector<Sight> load_sights(SqliteConnection& connection) {
       sights.push_back({time - 1, key.layer, {rect.x + i % kTileSide, rect.y + i / kTileSide}});
     }
   }
+}
+
+std::vector<Sight> load_sights(SqliteConnection& connection, Warnings& warnings) {
+  std::vector<Sight> sights;
+  salvage(warnings, "a part of its map", [&] { read_sights(connection, sights); });
   std::sort(sights.begin(), sights.end(),
             [](const Sight& a, const Sight& b) { return a.time < b.time; });
   return sights;
@@ -51,7 +55,7 @@ class Film {
  public:
   Film(const std::filesystem::path& database, const VideoOptions& options)
       : connection_(open_run_database(database)),
-        sights_(load_sights(connection_)),
+        sights_(load_sights(connection_, warnings_)),
         poses_(connection_, "SELECT time_us, robot, x_um, y_um, heading FROM poses") {
     cell_um_ = static_cast<std::int32_t>(
         connection_.integer("SELECT value FROM meta WHERE key = 'cell_um'").value_or(0));
@@ -71,9 +75,10 @@ class Film {
     map_ = cv::Mat(size, CV_8UC3, colour(kUnseen));
     trail_ = cv::Mat(size, CV_8UC3);
     trail_mask_ = cv::Mat::zeros(size, CV_8U);
-    more_poses_ = poses_.row();
+    next_pose();
   }
 
+  const Warnings& warnings() const { return warnings_; }
   double end_s() const { return end_s_; }
   cv::Size size() const { return {map_.cols, map_.rows + kHeaderPx}; }
 
@@ -109,10 +114,14 @@ class Film {
       paint(sight, sight.layer == Layer::kVisits ? kFresh : kWall);
       fresh_.push_back(sight);
     }
-    for (; more_poses_ && static_cast<double>(poses_.integer(0)) <= time_s * 1e6;
-         more_poses_ = poses_.row()) {
+    for (; more_poses_ && static_cast<double>(poses_.integer(0)) <= time_s * 1e6; next_pose()) {
       take_pose();
     }
+  }
+
+  void next_pose() {
+    more_poses_ = false;
+    salvage(warnings_, "a part of its poses", [this] { more_poses_ = poses_.row(); });
   }
 
   void paint(const Sight& sight, std::uint32_t rgb) {
@@ -153,6 +162,7 @@ class Film {
   }
 
   SqliteConnection connection_;
+  Warnings warnings_;
   std::vector<Sight> sights_, fresh_;
   SqliteStatement poses_;
   bool more_poses_ = false;
@@ -178,8 +188,8 @@ cv::VideoWriter open_writer(const std::filesystem::path& mp4, int frames_per_s, 
 
 }  // namespace
 
-void write_run_video(const std::filesystem::path& database, const std::filesystem::path& mp4,
-                     const VideoOptions& options, const LoadProgress& progress) {
+Warnings write_run_video(const std::filesystem::path& database, const std::filesystem::path& mp4,
+                         const VideoOptions& options, const LoadProgress& progress) {
   Film film(database, options);
   cv::VideoWriter writer = open_writer(mp4, options.frames_per_s, film.size());
   const int frames = std::max(2, static_cast<int>(options.length_s * options.frames_per_s));
@@ -187,6 +197,7 @@ void write_run_video(const std::filesystem::path& database, const std::filesyste
     writer.write(film.draw(film.end_s() * i / (frames - 1)));
     if (progress) progress(static_cast<std::uint64_t>(i + 1));
   }
+  return film.warnings();
 }
 
 }  // namespace ivfm::host

@@ -15,7 +15,8 @@ struct VideoOptions {
 
 // `progress` is called with the number of finished frames of length_s * frames_per_s. Throws
 // std::runtime_error with one sentence when the run holds no map or the file cannot be written.
-void write_run_video(const std::filesystem::path& database, const std::filesystem::path& mp4,
-                     const VideoOptions& options, const LoadProgress& progress = {});
+// Answers what of a damaged database could not be read.
+Warnings write_run_video(const std::filesystem::path& database, const std::filesystem::path& mp4,
+                         const VideoOptions& options, const LoadProgress& progress = {});
 
 }  // namespace ivfm::host

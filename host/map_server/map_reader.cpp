@@ -95,6 +95,10 @@ SqliteConnection open_run_database(const std::filesystem::path& database) {
   if (!std::filesystem::exists(database)) {
     throw std::runtime_error("run database '" + database.string() + "' does not exist");
   }
+  if (std::filesystem::is_directory(database)) {
+    throw std::runtime_error("run database '" + database.string() +
+                             "' is a folder; right is a file such as run.db in it");
+  }
   SqliteConnection connection(database, SqliteConnection::Mode::kRead);
   connection.execute("PRAGMA writable_schema = ON");  // else SQLite refuses a file that is cut off
   check_run_database(connection, database, false);

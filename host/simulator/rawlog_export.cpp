@@ -67,9 +67,13 @@ mrpt::obs::CObservation2DRangeScan to_mrpt(const RecordedScan& scan, double unix
 
 }  // namespace
 
-void write_pose_rawlog(const std::filesystem::path& path, const std::vector<TimedPose>& poses) {
+void write_pose_rawlog(const std::filesystem::path& path, const std::vector<TimedPose>& poses,
+                       const std::function<void(std::size_t)>& progress) {
   RawlogWriter rawlog(path);
-  for (const TimedPose& pose : poses) rawlog.odometry(pose.unix_s, pose.label, pose.pose);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    rawlog.odometry(poses[i].unix_s, poses[i].label, poses[i].pose);
+    if (progress && i % 4096 == 0) progress(i);
+  }
   rawlog.close();
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -16,8 +17,10 @@ struct TimedPose {
 };
 
 // A gzip-compressed rawlog of CObservationOdometry entries, in the order given. Throws
-// std::runtime_error when it cannot be written.
-void write_pose_rawlog(const std::filesystem::path& path, const std::vector<TimedPose>& poses);
+// std::runtime_error when it cannot be written. `progress` is called with the number that is
+// written.
+void write_pose_rawlog(const std::filesystem::path& path, const std::vector<TimedPose>& poses,
+                       const std::function<void(std::size_t)>& progress = {});
 
 // A recorded drive as CObservationOdometry and CObservation2DRangeScan entries, beginning at
 // `start_unix_s`. Throws as above.
