@@ -202,7 +202,7 @@ double WheelScale::metres_per_count() const {
 std::string can_report_text(const CanReport& report, const WheelScale& scale) {
   std::string text = std::to_string(report.counters.frames) + " frames";
   if (report.counters.malformed > 0) {
-    text += ", " + std::to_string(report.counters.malformed) + " lines that are none";
+    text += ", " + std::to_string(report.counters.malformed) + " other lines";
   }
   text += "\n";
   for (const BusReport& bus : report.buses) text += "\n" + bus_text(bus, scale);
@@ -221,7 +221,7 @@ std::string can_report_html(const std::string& title, const CanReport& report,
                             const WheelScale& scale) {
   std::string html = "<h1>" + html_escaped(title) + "</h1><p class=\"faint\">" +
                      std::to_string(report.counters.frames) + " CAN frames, " +
-                     std::to_string(report.counters.malformed) + " lines that are none.</p>";
+                     std::to_string(report.counters.malformed) + " other lines.</p>";
   for (const BusReport& bus : report.buses) html += bus_html(bus, scale);
   return html_page(title, html);
 }

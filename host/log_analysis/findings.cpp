@@ -154,8 +154,19 @@ void add_idle_driving(const RunData& run, std::vector<Finding>& findings) {
     }
   }
   if (best_m < std::max(1.0, 0.1 * run.driven_m)) return;
+  // Of a robot that was not heard nobody knows when it drove what it told later.
+  for (const RobotRun& robot : run.robots) {
+    for (const Span& span : spans_of(robot, Activity::kUnheard)) {
+      if (span.begin_s < end_s && span.end_s > begin_s) return;
+    }
+  }
+  // It cost the time of those that drove, less what the new area was worth.
+  const auto drove = std::count_if(run.robots.begin(), run.robots.end(), [&](const RobotRun& one) {
+    return value_at(one.driven, end_s) - value_at(one.driven, begin_s) > 0.1;
+  });
+  const double wasted = 1 - gained_m2 / usual / best_m;
   findings.push_back(
-      {(end_s - begin_s) * static_cast<double>(run.robots.size()),
+      {(end_s - begin_s) * static_cast<double>(drove) * wasted,
        "From " + text_of("%.0f s", begin_s) + " to " + text_of("%.0f s", end_s) +
            " the robots drove " + text_of("%.1f m", best_m) + " and saw only " +
            text_of("%.1f m²", gained_m2) + " that was new.",
@@ -163,31 +174,28 @@ void add_idle_driving(const RunData& run, std::vector<Finding>& findings) {
            " a metre. They drove through what was known already, to frontiers far away."});
 }
 
-// A robot that called its work done long before the others.
-void add_early_end(const RunData& run, const RobotRun& robot, std::vector<Finding>& findings) {
-  const double done_s = robot.time_in(Activity::kDone);
-  if (done_s < 0.2 * run.time_s) return;
-  const auto first = std::find_if(robot.spans.begin(), robot.spans.end(), [](const Span& span) {
-    return span.activity == Activity::kDone;
+double length_of(const std::vector<Span>& spans) {
+  double total_s = 0;
+  for (const Span& span : spans) total_s += span.length_s();
+  return total_s;
+}
+
+void add_giving_up(const RunData& run, const RobotRun& robot, const std::vector<Span>& spans,
+                   double later_m2, std::vector<Finding>& findings) {
+  const auto first = std::min_element(spans.begin(), spans.end(), [](const Span& a, const Span& b) {
+    return a.begin_s < b.begin_s;
   });
-  const double all_m2 = run.explored_m2.empty() ? 0 : run.explored_m2.back().second;
-  const double later_m2 = all_m2 - value_at(run.explored_m2, first->begin_s);
-  const std::string when = text_of("%.0f s", first->begin_s) + " and " +
-                           text_of("%.1f m", value_at(robot.driven, first->begin_s)) + " driven";
-  if (later_m2 < kWorthTelling * all_m2) {
-    findings.push_back({done_s,
-                        robot.name + " had nothing left to explore for " + duration_text(done_s) +
-                            ", after " + when + ".",
-                        "By then the robots had seen nearly all that was seen in this run."});
-    return;
-  }
-  std::string headline = robot.name + " gave up after " + when + " and was idle for " +
-                         duration_text(done_s) + ": it found no way on";
-  std::string detail = "There was more: the others went on to find " +
-                       text_of("%.1f m²", later_m2) + ", " + percent(later_m2 / all_m2) +
-                       " of all. ";
-  if (first->blocker) {
-    const std::string blocker = name_of(run, *first->blocker);
+  const auto blocked = std::find_if(spans.begin(), spans.end(),
+                                    [](const Span& span) { return span.blocker.has_value(); });
+  std::string headline = robot.name + " gave up after " + text_of("%.0f s", first->begin_s) +
+                         " and " + text_of("%.1f m", value_at(robot.driven, first->begin_s)) +
+                         " driven and was idle for " + duration_text(length_of(spans)) +
+                         ": it found no way on";
+  std::string detail = longest(spans) + " There was more: " + text_of("%.1f m²", later_m2) +
+                       " were found after that, " +
+                       percent(later_m2 / run.explored_m2.back().second) + " of all. ";
+  if (blocked != spans.end()) {
+    const std::string blocker = name_of(run, *blocked->blocker);
     headline += ", because " + blocker + " was in its way";
     detail += blocker + " was less than " + text_of("%g m", kInWayM) +
               " away when it gave up. Start robots farther apart, or where there is room to pass "
@@ -197,7 +205,28 @@ void add_early_end(const RunData& run, const RobotRun& robot, std::vector<Findin
         "No other robot was near: it was shut in, or held for walls what were none. The map "
         "shows where it stands.";
   }
-  findings.push_back({done_s, headline + ".", detail});
+  findings.push_back({length_of(spans), headline + ".", detail});
+}
+
+// A robot that called its work done before the others.
+void add_early_end(const RunData& run, const RobotRun& robot, std::vector<Finding>& findings) {
+  const double all_m2 = run.explored_m2.empty() ? 0 : run.explored_m2.back().second;
+  std::vector<Span> given_up, done;
+  double later_m2 = 0, heard_s = 0;
+  for (const Span& span : robot.spans) heard_s += span.length_s();
+  for (const Span& span : spans_of(robot, Activity::kDone)) {
+    const double later = all_m2 - value_at(run.explored_m2, span.begin_s);
+    (later > kWorthTelling * all_m2 ? given_up : done).push_back(span);
+    later_m2 = std::max(later_m2, later);
+  }
+  if (length_of(given_up) > std::max(kShortS, kWorthTelling * heard_s)) {
+    add_giving_up(run, robot, given_up, later_m2, findings);
+  }
+  if (length_of(done) < 0.2 * run.time_s) return;
+  findings.push_back(
+      {length_of(done),
+       robot.name + " had nothing left to explore for " + duration_text(length_of(done)) + ".",
+       longest(done) + " By then the robots had seen nearly all that was seen in this run."});
 }
 
 void add_decisions(const RobotRun& robot, std::vector<Finding>& findings) {

@@ -84,11 +84,22 @@ TEST(Findings, TellARobotThatWasShutInFromOneThatWasDone) {
   EXPECT_EQ(shut_in[0].headline,
             "one gave up after 10 s and 0.5 m driven and was idle for 1 min 30 s: it found no way "
             "on.");
-  EXPECT_THAT(shut_in[0].detail,
-              AllOf(HasSubstr("find 30.0 m², 60 % of all"), HasSubstr("shut in")));
+  EXPECT_THAT(shut_in[0].detail, AllOf(HasSubstr("When: 10 s to 100 s. There was more: 30.0 m²"),
+                                       HasSubstr("60 % of all"), HasSubstr("shut in")));
   const auto done = find_reasons(run_with_an_early_end(0.5, {}));
   ASSERT_EQ(done.size(), 1u);
   EXPECT_THAT(done[0].headline, HasSubstr("nothing left to explore"));
+}
+
+TEST(Findings, CountsHowLongARobotGaveUpUntilItWentOn) {
+  RunData run = run_with_an_early_end(30, std::uint16_t{2});
+  run.robots[0].spans = {{0, 10, Activity::kDriving, 0, {}},
+                         {10, 18, Activity::kDone, 0, std::uint16_t{2}},
+                         {18, 95, Activity::kDriving, 0, {}},
+                         {95, 100, Activity::kDone, 0, {}}};  // all was seen by then
+  const auto findings = find_reasons(run);
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_THAT(findings[0].headline, HasSubstr("was idle for 8 s: it found no way on, because two"));
 }
 
 TEST(Findings, NameTheRobotThatStoodInTheWayOfOneThatGaveUp) {
