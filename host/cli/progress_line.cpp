@@ -57,7 +57,12 @@ void ProgressLine::operator()(std::uint64_t finished) {
 }
 
 void ProgressLine::say(const std::string& line) {
-  if (!is_due(std::chrono::seconds(1))) return;
+  if (is_due(std::chrono::seconds(1))) begin_step(line);
+}
+
+void ProgressLine::begin_step(const std::string& line) {
+  if (!terminal_) return;
+  drawn_ = true;
   std::fprintf(stderr, "\r%s\033[K", line.c_str());
   std::fflush(stderr);
 }

@@ -26,6 +26,8 @@ class ProgressLine {
   void operator()(std::uint64_t finished);
   // A line of one's own for work whose end is not known, at most once a second.
   void say(const std::string& line);
+  // A line at once, for a step that tells nothing until it is over.
+  void begin_step(const std::string& line);
 
  private:
   using Clock = std::chrono::steady_clock;

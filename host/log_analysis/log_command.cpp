@@ -26,11 +26,25 @@ std::string text_of(const char* format, double value) {
   return text;
 }
 
+// How far the reading of a database is.
+class ReadingLine {
+ public:
+  explicit ReadingLine(const fs::path& database)
+      : line_(100, "% of " + database.filename().string()) {}
+  LoadProgress progress() {
+    return [this](std::uint64_t percent) { line_(percent); };
+  }
+  void begin_step(const std::string& what) { line_.begin_step(what); }
+
+ private:
+  ProgressLine line_;
+};
+
 RunData load_with_progress(const fs::path& database) {
   RunData run;
   {
-    ProgressLine line(100, "% of " + database.filename().string());
-    run = load_run(database, [&line](std::uint64_t percent) { line(percent); });
+    ReadingLine line(database);
+    run = load_run(database, line.progress());
   }
   tell(database, run.warnings);
   return run;
@@ -48,6 +62,7 @@ void write_video(const fs::path& database, const fs::path& mp4, const VideoOptio
   {
     ProgressLine line(static_cast<std::uint64_t>(options.length_s * options.frames_per_s),
                       "frames");
+    line.begin_step("Reading " + database.string());
     warnings = write_run_video(database, mp4, options, [&line](std::uint64_t done) { line(done); });
   }
   tell(database, warnings);
@@ -84,14 +99,29 @@ void tell(const fs::path& database, const Warnings& warnings) {
 }
 
 void write_log_report(const fs::path& database, const fs::path& html) {
-  RunData run = load_with_progress(database);
-  const cv::Mat map = run.explored_cells + run.obstacle_cells > 0 ? draw_run(run) : cv::Mat();
-  const std::vector<TimelineEntry> timeline = load_timeline(database, run.warnings);
-  write_text(html, render_run_report(run, timeline, map));
+  RunData run;
+  {
+    ReadingLine line(database);
+    run = load_run(database, line.progress());
+    const std::vector<TimelineEntry> timeline =
+        load_timeline(database, run.warnings, line.progress());
+    line.begin_step("Drawing the map");
+    const cv::Mat map = run.explored_cells + run.obstacle_cells > 0 ? draw_run(run) : cv::Mat();
+    line.begin_step("Writing " + html.string());
+    write_text(html, render_run_report(run, timeline, map));
+  }
+  tell(database, run.warnings);
 }
 
 void write_log_map(const fs::path& database, const fs::path& png) {
-  write_png(png, draw_run(load_with_progress(database)));
+  RunData run;
+  {
+    ReadingLine line(database);
+    run = load_run(database, line.progress());
+    line.begin_step("Drawing the map");
+    write_png(png, draw_run(run));
+  }
+  tell(database, run.warnings);
 }
 
 void print_query(const fs::path& database, const std::string& sql, std::ostream& out) {
@@ -120,7 +150,12 @@ void print_query(const fs::path& database, const std::string& sql, std::ostream&
 
 void print_timeline(const fs::path& database, std::ostream& out) {
   Warnings warnings;
-  for (const TimelineEntry& entry : load_timeline(database, warnings)) {
+  std::vector<TimelineEntry> entries;
+  {
+    ReadingLine line(database);
+    entries = load_timeline(database, warnings, line.progress());
+  }
+  for (const TimelineEntry& entry : entries) {
     out << text_of("%10.1f s  ", entry.time_s)
         << (entry.robot ? "robot " + std::to_string(*entry.robot) + "  " : "") << entry.text
         << '\n';

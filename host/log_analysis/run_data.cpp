@@ -552,10 +552,16 @@ void read_events(SqliteConnection& connection, std::vector<TimelineEntry>& entri
   }
 }
 
-void read_changes(SqliteConnection& connection, std::vector<TimelineEntry>& entries) {
+void read_changes(SqliteConnection& connection, const LoadProgress& progress,
+                  std::vector<TimelineEntry>& entries) {
+  const std::int64_t end_us =
+      connection.integer("SELECT value FROM meta WHERE key = 'time_us'").value_or(0);
   SqliteStatement status(connection, "SELECT time_us, robot, state, fault FROM status");
   std::map<std::uint16_t, std::string> last;
-  while (status.row()) {
+  for (std::size_t rows = 0; status.row(); ++rows) {
+    if (progress && rows % 4096 == 0 && end_us > 0) {
+      progress(count(100 * std::min(status.integer(0), end_us) / end_us));
+    }
     const std::uint16_t robot = robot_id(status.integer(1));
     std::string text = state_name(status.integer(2));
     if (const std::string fault = fault_text(static_cast<std::uint8_t>(status.integer(3)));
@@ -570,12 +576,13 @@ void read_changes(SqliteConnection& connection, std::vector<TimelineEntry>& entr
 
 }  // namespace
 
-std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database,
-                                         Warnings& warnings) {
+std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database, Warnings& warnings,
+                                         const LoadProgress& progress) {
   SqliteConnection connection = open_run_database(database);
   std::vector<TimelineEntry> entries;
   salvage(warnings, "a part of its events", [&] { read_events(connection, entries); });
-  salvage(warnings, "a part of the changes of state", [&] { read_changes(connection, entries); });
+  salvage(warnings, "a part of the changes of state",
+          [&] { read_changes(connection, progress, entries); });
   std::stable_sort(entries.begin(), entries.end(),
                    [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
   return entries;

@@ -115,7 +115,8 @@ RunData load_run(const std::filesystem::path& database, const LoadProgress& prog
 
 // Starts, finds, refusals, and changes of the robots' states and faults, in the order of time. Adds
 // to `warnings` what cannot be read; throws as above.
-std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database, Warnings& warnings);
+std::vector<TimelineEntry> load_timeline(const std::filesystem::path& database, Warnings& warnings,
+                                         const LoadProgress& progress = {});
 
 // The paths and goals for a picture, in the order of the robots.
 std::vector<Trajectory> trajectories_of(const RunData& run);
