@@ -46,9 +46,9 @@ class Browser:
     def size(self, width, height, mobile=False):
         self.devtools("Emulation.setDeviceMetricsOverride", width=width, height=height,
                       deviceScaleFactor=1, mobile=mobile)
+        self.devtools("Emulation.setScrollbarsHidden", hidden=True)
 
     def screenshot(self, path):
-        self.devtools("Emulation.setScrollbarsHidden", hidden=True)
         with open(path, "wb") as file:
             file.write(base64.b64decode(self.call("GET", f"{self.session}/screenshot")))
 

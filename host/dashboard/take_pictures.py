@@ -8,12 +8,11 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
 
 from browser import Browser
-from page_test import click, take_pictures
+from page_test import click, take_pictures, wait_until
 
-SECONDS = 20  # of the demonstration, before the first picture
+SECONDS = 45  # of the run, before the first picture
 
 
 def picture_of_file(browser, file, picture, height):
@@ -28,7 +27,8 @@ def main():
     ivfm, folder, *arguments = sys.argv[1:]
     folder = pathlib.Path(folder)
     with tempfile.TemporaryDirectory() as out:
-        command = [ivfm, "demo", "--out", out, *arguments]
+        # Long enough for the pictures of the page, which take half a minute of the run.
+        command = [ivfm, "demo", "--until", "0.7", "--out", out, *arguments]
         demo = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         browser = None
         try:
@@ -37,9 +37,10 @@ def main():
             browser = Browser()
             browser.size(1400, 860)
             browser.open(link)
-            time.sleep(SECONDS)
+            wait_until(f"{SECONDS} s of the run are over",
+                       lambda: browser.run("return ivfmPage.model.timeS") > SECONDS)
             click(browser, "#robots tbody button")  # the first robot's local map
-            time.sleep(2)
+            wait_until("it is shown", lambda: browser.run("return ivfmPage.local.last") is not None)
             take_pictures(browser, folder)
             demo.communicate(timeout=300)
             picture_of_file(browser, f"{out}/report.html", folder / "report.png", 1500)
