@@ -211,8 +211,7 @@ std::string man_page(const CLI::App& command, const std::string& words) {
   std::string what = command.get_description();
   if (what.starts_with(name + ": ")) what.erase(0, name.size() + 2);
   std::string page = ".TH " + upper + " 1 \"\" ivfm \"ivfm manual\"\n.SH NAME\n" + roff(name) +
-                     " \\- " + roff(what) + "\n.SH SYNOPSIS\n" +
-                     synopsis(command, words) + "\n";
+                     " \\- " + roff(what) + "\n.SH SYNOPSIS\n" + synopsis(command, words) + "\n";
   const auto subs = subcommands(command);
   if (!subs.empty()) {
     page += ".SH COMMANDS\n";
