@@ -59,7 +59,9 @@ std::vector<TimedPose> load_poses(const fs::path& database, const LoadProgress& 
 Warnings export_rawlog(const Options& options, const LoadProgress& progress) {
   Warnings warnings;
   if (is_recording(options.input)) {
-    write_scan_rawlog(options.output, read_recording(options.input), 0);
+    const Recording recording = read_recording(options.input);
+    if (!recording.warning.empty()) std::cerr << "ivfm log: " << recording.warning << '\n';
+    write_scan_rawlog(options.output, recording, 0);
   } else {
     const auto poses = load_poses(options.input, progress, warnings);
     write_pose_rawlog(options.output, poses,

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 
 #include "shared/wire/byte_reader.h"
 #include "shared/wire/crc.h"
@@ -126,22 +127,59 @@ void write_recording(const std::filesystem::path& path, const Recording& recordi
   if (!file) throw std::runtime_error("cannot write " + path.string());
 }
 
-Recording read_recording(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw std::runtime_error("cannot open " + path.string());
-  const std::vector<char> bytes{std::istreambuf_iterator<char>(file), {}};
+namespace {
+
+// The scans before the place where a file was cut off; none when it was not.
+Recording decode_beginning(std::span<const std::uint8_t> bytes) {
+  Recording recording;
+  const auto head = bytes.first(std::min(bytes.size(), kMaxSourceLine));
+  const auto line_end = std::find(head.begin(), head.end(), std::uint8_t{'\n'});
+  const auto line_bytes = static_cast<std::size_t>(line_end - head.begin());
+  if (line_bytes < kMagic.size() || line_end == head.end()) return {};
+  recording.source.assign(head.begin() + kMagic.size(), line_end);
+  ByteReader reader(bytes.subspan(line_bytes + 1));
+  const std::uint32_t count = std::min(reader.u32(), kMaxScans);
   try {
-    return decode_recording({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(path.string() + ": " + error.what());
+    for (std::uint32_t i = 0; i < count; ++i) {
+      RecordedScan scan = decode_scan(reader, i);
+      if (!reader.ok()) break;
+      recording.scans.push_back(std::move(scan));
+    }
+  } catch (const std::runtime_error&) {
+    // The last scan is not whole.
   }
+  if (recording.scans.size() == count) return {};
+  recording.warning = "breaks off after " + std::to_string(recording.scans.size()) + " of " +
+                      std::to_string(count) + " scans; only these are used";
+  return recording;
 }
+
+}  // namespace
 
 bool is_recording(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   std::string start(kMagic.size(), '\0');
   file.read(start.data(), static_cast<std::streamsize>(start.size()));
   return file && start == kMagic;
+}
+
+Recording read_recording(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw std::runtime_error("cannot open " + path.string());
+  const std::vector<char> text{std::istreambuf_iterator<char>(file), {}};
+  const std::span bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
+  try {
+    return decode_recording(bytes);
+  } catch (const std::runtime_error& error) {
+    if (is_recording(path)) {
+      Recording beginning = decode_beginning(bytes);
+      if (!beginning.scans.empty()) {
+        beginning.warning = path.string() + " " + beginning.warning;
+        return beginning;
+      }
+    }
+    throw std::runtime_error(path.string() + ": " + error.what());
+  }
 }
 
 }  // namespace ivfm::host

@@ -1,6 +1,7 @@
 #include "host/simulator/recording.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -87,6 +88,19 @@ TEST(Recording, SaysWhatIsWrongWithABrokenFile) {
   const std::size_t count_at = std::string("IVFM-RECORDING 1 by hand\n").size();
   oversized[count_at + 3] = 0xff;
   EXPECT_NE(error_of(resealed(oversized)).find("claims"), std::string::npos);
+}
+
+TEST(Recording, ReadsWhatIsThereOfAFileThatWasCutOff) {
+  const auto path = std::filesystem::temp_directory_path() /
+                    ("ivfm_cut_" + std::to_string(::getpid()) + ".recording");
+  const Recording whole = small_recording();
+  write_recording(path, whole);
+  std::filesystem::resize_file(path, std::filesystem::file_size(path) - 100);
+  const Recording cut = read_recording(path);
+  std::filesystem::remove(path);
+  ASSERT_EQ(cut.scans.size(), whole.scans.size() - 1);
+  EXPECT_EQ(cut.scans[0], whole.scans[0]);
+  EXPECT_NE(cut.warning.find("breaks off"), std::string::npos);
 }
 
 TEST(Recording, SurvivesEveryTruncationAndRandomBytes) {
