@@ -18,7 +18,8 @@ apt=(-qq -o "Dir::State=$state" -o "Dir::State::Lists=$state/lists"
      -o "Dir::State::status=$state/status" -o "Dir::Cache=$state/cache"
      -o "APT::Architecture=$arch" -o "APT::Architectures=$arch" -o APT::Sandbox::User=root
      -o Acquire::Retries=3)
-apt-get "${apt[@]}" update
+# A mirror in the middle of its own update lacks one list or another; the download decides.
+apt-get "${apt[@]}" update || true
 (cd "$state" && apt-get "${apt[@]}" download libsodium-dev)
 rm -rf "$target.part"
 dpkg-deb -x "$state"/libsodium-dev_*.deb "$target.part"
