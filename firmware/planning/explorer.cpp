@@ -93,6 +93,9 @@ bool Explorer::local_map_is_worth_visiting() const {
 Decision Explorer::decide(const Pose& pose, QFunction& q) {
   review_last_goal(pose);
   observe(pose);
+  if (const auto frontier = nearby_frontier(); frontier && worth_trying(*frontier)) {
+    return drive_to(*frontier);
+  }
   if (idle_actions_ < config_.max_idle_actions && local_map_is_worth_visiting() &&
       ok(q.evaluate(state_, q_values_))) {
     const Decision best = select_best(q_values_);
@@ -155,12 +158,7 @@ Decision Explorer::select_global_goal(const Pose& pose) {
   // Only when nothing is left with room to spare the robot squeezes through narrow places.
   for (const Clearance clearance : {Clearance::kPreferred, Clearance::kTight}) {
     plan_everywhere(pose, clearance);
-    if (const auto frontier = choose_frontier()) {
-      Decision decision;
-      decision.kind = Decision::Kind::kGlobalGoal;
-      decision.goal = frontier->stand;
-      return planned(decision);
-    }
+    if (const auto frontier = choose_frontier()) return drive_to(*frontier);
     if (config_.paths.tight_radius_um == 0) break;
   }
   return config_.return_to_start ? select_return(pose) : stay();
@@ -174,12 +172,41 @@ void Explorer::plan_everywhere(const Pose& pose, Clearance clearance) {
 std::optional<FrontierGoal> Explorer::choose_frontier() {
   // Frontiers that were tried in vain several times are given up, so this loop ends.
   while (const auto frontier = next_frontier()) {
-    tries_at_frontier_ = frontier->frontier == last_frontier_ ? tries_at_frontier_ + 1 : 0;
-    last_frontier_ = frontier->frontier;
-    if (tries_at_frontier_ <= 3) return frontier;
-    give_up_frontier();
+    if (worth_trying(*frontier)) return frontier;
   }
   return std::nullopt;
+}
+
+// Notes one more try at a frontier; gives it up, and answers false, when several were in vain.
+bool Explorer::worth_trying(const FrontierGoal& frontier) {
+  // A try that brought the robot nearer was not in vain, whatever cut it short.
+  const bool in_vain = frontier.frontier == last_frontier_ &&
+                       frontier.path_cost + path::kStraight > last_frontier_cost_;
+  tries_at_frontier_ = in_vain ? tries_at_frontier_ + 1 : 0;
+  last_frontier_ = frontier.frontier;
+  last_frontier_cost_ = frontier.path_cost;
+  if (tries_at_frontier_ <= 3) return true;
+  give_up_frontier();
+  return false;
+}
+
+// The nearest wide frontier by the local map's paths, when it is close by. After observe().
+std::optional<FrontierGoal> Explorer::nearby_frontier() const {
+  const std::int32_t reach = config_.nearby_frontier_um / map_.frame().cell_um();
+  if (reach == 0) return std::nullopt;
+  constexpr int kMiddle = kPolicyCells / 2;
+  const CellRect around = state_.grid.block(kMiddle * kPolicyCells + kMiddle).grown(reach);
+  const auto nearest =
+      nearest_frontier(map_, paths_, around, stand_off_cells(), config_.wide_frontier_size);
+  if (!nearest || nearest->path_cost > reach * path::kStraight) return std::nullopt;
+  return nearest;
+}
+
+Decision Explorer::drive_to(const FrontierGoal& frontier) {
+  Decision decision;
+  decision.kind = Decision::Kind::kGlobalGoal;
+  decision.goal = frontier.stand;
+  return planned(decision);
 }
 
 std::optional<FrontierGoal> Explorer::next_frontier() const {
@@ -188,8 +215,12 @@ std::optional<FrontierGoal> Explorer::next_frontier() const {
     const std::int32_t least = config_.region_cells * config_.region_cells / 16;
     if (const auto rich = richest_region(map_, paths_, config_.region_cells, least)) return rich;
   }
-  return nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(),
-                          config_.min_frontier_size);
+  // Slits along walls are collected last: they cost as much driving as doorways do.
+  for (const int size : {config_.wide_frontier_size, config_.min_frontier_size}) {
+    const auto frontier = nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(), size);
+    if (frontier) return frontier;
+  }
+  return std::nullopt;
 }
 
 // Whether there is still something to see at what was chosen to be looked at.
@@ -264,7 +295,7 @@ Status Explorer::replan(const Pose& pose) {
 }
 
 bool Explorer::goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const {
-  if (last_.kind == Decision::Kind::kGlobalGoal && !is_open(last_frontier_)) return false;
+  if (goal_has_been_seen()) return false;
   if (tight_) return true;  // nearer to obstacles than the inflation allows
   const std::span<const Point> waypoints = path_.points();
   Cell from = robot_cell(pose);
@@ -305,6 +336,7 @@ void Explorer::copy_from(const Explorer& other) {
   last_ = other.last_;
   last_frontier_ = other.last_frontier_;
   idle_actions_ = other.idle_actions_;
+  last_frontier_cost_ = other.last_frontier_cost_;
   tries_at_frontier_ = other.tries_at_frontier_;
   tight_ = other.tight_;
   q_values_ = other.q_values_;

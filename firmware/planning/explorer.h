@@ -23,6 +23,9 @@ struct ExplorerConfig {
   std::int32_t pool = 8;                   // map cells along a policy cell's side
   // Fewer reachable frontier cells than this in the local map: nothing worth visiting there.
   std::int32_t min_local_frontier = 6;
+  // A wide frontier no further away than this is looked at before the policy is asked: coming back
+  // for it later costs more. 0: never.
+  std::int32_t nearby_frontier_um = 0;
   // Where robots may drive into the unknown: so many unseen cells must be in reach instead.
   std::int32_t min_local_unseen = 0;
   // Side of the regions of the whole map that such robots compare when the local map is not worth
@@ -30,6 +33,8 @@ struct ExplorerConfig {
   std::int32_t region_cells = 0;
   // Smaller frontiers of the whole map are taken for noise.
   std::int32_t min_frontier_size = 1;
+  // Frontiers of at least this size come first, however far away they are.
+  std::int32_t wide_frontier_size = 1;
   // Goals nearer than this are no moves.
   std::int32_t min_goal_distance_um = 105'000;
   // After so many local actions in a row that saw fewer than `min_gain_cells` new cells, the next
@@ -59,6 +64,9 @@ struct ExplorerConfig {
     c.fusion.footprint = VisitFootprint::sector(visit_range_um, BinaryAngle(std::uint16_t{0x8000}));
     c.paths.unknown_is_traversable = false;
     c.min_frontier_size = 3;
+    c.min_local_frontier = 100;
+    c.nearby_frontier_um = visit_range_um * 2 / 5;
+    c.wide_frontier_size = 5;  // a straight one across the 5 x 5 cells that are looked at
     const std::int32_t pool = (visit_range_um * 4 / cell_um + 31) / 32;
     c.pool = pool < 1 ? 1 : (pool > kMaxPool ? kMaxPool : pool);
     return c;
@@ -69,7 +77,7 @@ struct ExplorerConfig {
 struct Decision {
   enum class Kind : std::uint8_t {
     kLocalGoal,   // the policy's choice in the local map
-    kGlobalGoal,  // nothing worth visiting nearby: the nearest frontier of the whole map
+    kGlobalGoal,  // a frontier: one close by, or, with nothing worth visiting here, any
     kReturn,      // explored: back to the start
     kExplored,    // nothing left to explore; stay
   };
@@ -109,8 +117,9 @@ class Explorer {
   // Whether the local map holds anything worth visiting. After observe().
   bool local_map_is_worth_visiting() const;
 
-  // The whole decision: observe, evaluate, masked argmax; else the nearest frontier of the whole
-  // map; else explored. The path to the goal is planned. A failing `q` counts as "no local goal".
+  // The whole decision: observe; a frontier close by; evaluate, masked argmax; else the nearest
+  // frontier of the whole map; else explored. The path to the goal is planned. A failing `q` counts
+  // as "no local goal".
   Decision decide(const Pose& pose, QFunction& q);
   // A goal chosen by somebody else (baselines, trainer). After observe(). kUnavailable: out of
   // reach; kInvalidArgument: no such policy cell. Plans the path.
@@ -133,6 +142,11 @@ class Explorer {
   // Whether the last decision still makes sense: its way is not blocked by what has been seen
   // since, counted from waypoint `next_waypoint` on, and a frontier it was made for is still one.
   bool goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const;
+  // Whether the last decision was for a frontier that has been seen since: nothing is left to go
+  // there for.
+  bool goal_has_been_seen() const {
+    return last_.kind == Decision::Kind::kGlobalGoal && !is_open(last_frontier_);
+  }
   // The last goal could not be reached (blocked, stuck): global goals near it are given up.
   void abandon_goal();
 
@@ -156,8 +170,11 @@ class Explorer {
  private:
   Cell robot_cell(const Pose& pose) const { return map_.frame().cell_at(pose.position); }
   CellRect explored_region(const Pose& pose) const;
+  Decision drive_to(const FrontierGoal& frontier);
   Decision select_best(std::span<const std::int32_t> q_values);
   void plan_everywhere(const Pose& pose, Clearance clearance);
+  std::optional<FrontierGoal> nearby_frontier() const;
+  bool worth_trying(const FrontierGoal& frontier);
   std::optional<FrontierGoal> choose_frontier();
   std::optional<FrontierGoal> next_frontier() const;
   bool is_open(Cell c) const;
@@ -178,6 +195,7 @@ class Explorer {
   ViewStatistics action_{};
   Decision last_{};
   Cell last_frontier_{};
+  std::int32_t last_frontier_cost_ = 0;  // of the way there when it was chosen
   std::int32_t idle_actions_ = 0;
   std::int32_t tries_at_frontier_ = 0;
   bool tight_ = false;  // the last goal leads through narrow places

@@ -115,6 +115,32 @@ TEST_F(ExplorerTest, IdleLocalActionsEndInAGlobalGoalAndHopelessFrontiersAreGive
   EXPECT_LT(rounds, 2000);
 }
 
+TEST_F(ExplorerTest, InterruptedWaysThatCameNearerAreNotInVain) {
+  explorer_->start(home_);
+  (void)explorer_->fuse(home_, room_scan(3000, 2000));
+  NoModel q;
+  const Cell goal = explorer_->decide(home_, q).goal;
+  const Point end = explorer_->map().frame().center_of(goal);
+  // Something stops every action after a tenth of the way: more often than tries are granted.
+  for (int tenth = 1; tenth <= 8; ++tenth) {
+    explorer_->begin_action();
+    const Pose here{{home_.position.x_um + (end.x_um - home_.position.x_um) / 10 * tenth,
+                     home_.position.y_um + (end.y_um - home_.position.y_um) / 10 * tenth},
+                    {}};
+    EXPECT_EQ(explorer_->decide(here, q).goal, goal) << "after " << tenth << " tenths";
+  }
+}
+
+TEST_F(ExplorerTest, AWideFrontierCloseByComesBeforeThePolicy) {
+  explorer_->start(home_);
+  (void)explorer_->fuse(home_, room_scan(3000, 2000));
+  EastIsBest q;
+  const Pose near_the_edge{{1'425'000, 25'000}, {}};
+  const Decision decision = explorer_->decide(near_the_edge, q);
+  EXPECT_EQ(decision.kind, Decision::Kind::kGlobalGoal);
+  EXPECT_GT(decision.goal.x, 28);
+}
+
 TEST_F(ExplorerTest, ACopyDecidesTheSameAndIsIndependent) {
   explorer_->start(home_);
   (void)explorer_->fuse(home_, room_scan(3000, 2000));

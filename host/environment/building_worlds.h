@@ -21,7 +21,8 @@ struct BuildingConfig {
   std::int32_t cell_um = 50'000;
   std::int32_t min_side_um = 8'000'000;
   std::int32_t max_side_um = 30'000'000;
-  std::int32_t robot_radius_um = 105'000;
+  // Robots start with the room around them that planners keep (EnvironmentConfig::building).
+  std::int32_t robot_radius_um = 225'000;
 };
 
 // A random building with `agents` robots that touch nothing and can all reach each other. The same

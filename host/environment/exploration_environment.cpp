@@ -137,7 +137,9 @@ EnvironmentConfig EnvironmentConfig::building(std::int32_t sensor_range_um) {
   c.sensor = SensorModel::kLidar;
   c.sensor_range_um = sensor_range_um;
   c.view_every_steps = 250;
-  c.stop_when_blocked = true;
+  c.reroute_when_blocked = true;
+  c.max_travel_um = sensor_range_um / 2;
+  c.ends_when_goal_is_seen = true;
   c.stops_before_contact = true;
   c.explorable_by_disc = true;
   return c;
@@ -498,10 +500,13 @@ void ExplorationEnvironment::spend_steps(Motion& motion, std::int32_t steps) {
   if (motion.steps_to_view > 0) return;
   motion.steps_to_view = config_.view_every_steps;
   take_view(motion.agent, true, motion.result);
-  if (config_.reroute_when_blocked) {
+  const bool is_far =
+      config_.max_travel_um > 0 && motion.result.distance_m * 1e6 >= config_.max_travel_um;
+  if (is_far ||
+      (config_.ends_when_goal_is_seen && motion.agent.explorer.get().goal_has_been_seen())) {
+    motion.ended = true;
+  } else if (config_.reroute_when_blocked) {
     motion.rerouted = path_is_blocked(motion);
-  } else if (config_.stop_when_blocked && path_is_blocked(motion)) {
-    motion.result.blocked = motion.ended = true;
   }
 }
 

@@ -40,8 +40,11 @@ struct EnvironmentConfig {
   std::int32_t front_um = 0;          // the robot's front, not its middle, goes to the goal
   bool count_last_view = true;        // whether an action's last view counts as a visit
   bool count_first_view = true;       // whether the view before the first action counts
-  bool stop_when_blocked = false;     // an action ends when a view shows its path is blocked ...
-  bool reroute_when_blocked = false;  // ... or goes on around what blocks it, to the same goal
+  bool reroute_when_blocked = false;  // an action goes on around what a view shows in its way
+  // As on board (Agent): an action ends after so much driving (0: no limit), and when a view has
+  // shown the frontier that it was for.
+  std::int32_t max_travel_um = 0;
+  bool ends_when_goal_is_seen = false;
   // The lidar that looks all the time stops the robot before it touches anything: the action is
   // blocked, not a collision.
   bool stops_before_contact = false;

@@ -45,8 +45,8 @@ std::vector<std::uint8_t> encode_recording(const Recording& recording);
 // Throws std::runtime_error that says what is wrong where.
 Recording decode_recording(std::span<const std::uint8_t> bytes);
 
-// The same with a file. Throw std::runtime_error that names the path. Of a file that was cut off the
-// scans before that are read, with a warning.
+// The same with a file. Throw std::runtime_error that names the path. Of a file that was cut off
+// the scans before that are read, with a warning.
 void write_recording(const std::filesystem::path& path, const Recording& recording);
 Recording read_recording(const std::filesystem::path& path);
 // Whether the file begins like a recording.
