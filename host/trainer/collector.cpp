@@ -66,7 +66,8 @@ struct Collector::Slot {
   int rewards = 0;
 };
 
-Collector::Collector(const TrainerConfig& config) : config_(config) {
+Collector::Collector(const TrainerConfig& config)
+    : config_(config), state_kind_(state_kind_from_name(config.state).value()) {
   for (int i = 0; i < config.environments; ++i)
     slots_.push_back(std::make_unique<Slot>(config, (i + 0.5) / config.environments));
 }
@@ -85,7 +86,7 @@ bool Collector::prepare(Slot& slot) {
   ExplorationEnvironment& environment = slot.episodes.environment();
   const int agent = environment.next_agent();
   environment.observe(agent);
-  slot.observation = observation_of(environment, agent);
+  slot.observation = observation_of(state_kind_, environment, agent);
   if (slot.observation.reachable.any() && environment.local_map_is_worth_visiting(agent))
     return true;
   environment.step_global(agent);
@@ -170,7 +171,7 @@ void Collector::try_goal(Slot& slot, int agent, int goal) {
   trial.earning = earning_of(copy.step(agent, goal), copy, config_);
   drive_globally(copy, agent, config_, trial.earning);
   trial.goes_on = !copy.is_done() && copy.totals().coverage() < kExploredShare;
-  if (trial.goes_on) trial.reached = observation_of(copy, agent);
+  if (trial.goes_on) trial.reached = observation_of(state_kind_, copy, agent);
   slot.trials.push_back(trial);
 }
 

@@ -38,6 +38,7 @@ class Collector {
   std::vector<float> values_of_trials(const StateValues& state_values) const;
 
   const TrainerConfig& config_;
+  StateKind state_kind_;
   std::vector<std::unique_ptr<Slot>> slots_;
 };
 

@@ -21,11 +21,11 @@ void play(const Policy& policy, const Episodes& episodes) {
     std::vector<Observation> observations;
     for (ExplorationEnvironment* e : running) {
       e->observe(e->next_agent());
-      observations.push_back(observation_of(*e, e->next_agent()));
+      observations.push_back(observation_of(policy.state_kind, *e, e->next_agent()));
     }
     std::vector<const Observation*> pointers;
     for (const Observation& o : observations) pointers.push_back(&o);
-    const std::vector<int> actions = policy(pointers);
+    const std::vector<int> actions = policy.choose(pointers);
     for (std::size_t i = 0; i < running.size(); ++i) {
       bool is_local = false;
       step_as_explorer(*running[i], running[i]->next_agent(), actions[i], is_local);

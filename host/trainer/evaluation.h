@@ -8,6 +8,7 @@
 
 #include "host/environment/arena_worlds.h"
 #include "host/environment/exploration_environment.h"
+#include "host/environment/network_state.h"
 #include "host/trainer/observation.h"
 
 namespace ivfm::host {
@@ -29,8 +30,11 @@ struct Evaluation {
   double collisions = 0;
 };
 
-// Picks an action for each observation, -1 for none.
-using Policy = std::function<std::vector<int>(std::span<const Observation* const>)>;
+// Picks an action for each observation of one kind of state, -1 for none.
+struct Policy {
+  StateKind state_kind = StateKind::kIvfm;
+  std::function<std::vector<int>(std::span<const Observation* const>)> choose;
+};
 
 // Episodes in arenas of `kind` with `agents` robots and a target, at most `cap` actions per agent.
 Evaluation evaluate_arena(const Policy& policy, ArenaKind kind, int agents, int episodes, int cap);

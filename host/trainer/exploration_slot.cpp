@@ -41,10 +41,12 @@ double between(double low, double high, ResumableRandom& random) {
 
 }  // namespace
 
-Observation observation_of(const ExplorationEnvironment& environment, int agent) {
+Observation observation_of(StateKind kind, const ExplorationEnvironment& environment, int agent) {
   static_assert(kActions == kPolicyGridSize);
   Observation out;
-  out.state = environment.state(agent).channels;
+  const auto size = static_cast<std::size_t>(channels_of(kind)) * kActions;
+  encode_network_state(kind, environment.explorer(agent), environment.pose(agent),
+                       std::span(out.state).first(size));
   const Explorer::Mask& mask = environment.goal_mask(agent);
   for (int i = 0; i < kActions; ++i)
     if (mask[static_cast<std::size_t>(i)] != 0) out.reachable.set(i);
@@ -58,11 +60,12 @@ Earning earning_of(const StepResult& result, const ExplorationEnvironment& envir
   const double newly_seen = result.newly_seen_cells / (pool * pool);
   const double penalty = result.re_seen_penalty_cells / (pool * pool);
   const double driven_cells = result.distance_m / policy_cell_m(environment);
+  const bool is_arena = environment.config().sensor == SensorModel::kPaperCamera;
+  const double re_seen = is_arena ? r.re_seen : r.building_re_seen;
   Earning out;
-  out.reward = (newly_seen - r.re_seen * penalty) / r.unit_cells - r.per_action -
+  out.reward = (newly_seen - re_seen * penalty) / r.unit_cells - r.per_action -
                r.per_cell * driven_cells - (result.collided ? r.collision : 0) -
                (result.idle ? r.idle : 0);
-  const bool is_arena = environment.config().sensor == SensorModel::kPaperCamera;
   const DiscountConfig& discount = is_arena ? config.arena_discount : config.building_discount;
   out.discount = discount.action * std::pow(discount.distance, driven_cells / kDiscountCells);
   return out;
@@ -106,7 +109,7 @@ void ExplorationSlot::begin_building(int agents, ResumableRandom& random) {
   const WorldMix& mix = config_.worlds;
   const double range_m = between(mix.building_min_range_m, mix.building_max_range_m, random);
   EnvironmentConfig config = EnvironmentConfig::building(static_cast<std::int32_t>(range_m * 1e6));
-  config.max_actions_per_agent = 200;
+  config.max_actions_per_agent = 400;
   config.view_every_steps *= 2;  // the lidar's views overlap by far: half of them will do
   environment_ = std::make_unique<ExplorationEnvironment>(config);
   BuildingConfig building;

@@ -5,14 +5,15 @@
 #include <optional>
 
 #include "host/environment/exploration_environment.h"
+#include "host/environment/network_state.h"
 #include "host/trainer/observation.h"
 #include "host/trainer/resumable_random.h"
 #include "host/trainer/trainer_config.h"
 
 namespace ivfm::host {
 
-// What the trainer keeps of a state.
-Observation observation_of(const ExplorationEnvironment& environment, int agent);
+// What the trainer keeps of a state. After ExplorationEnvironment::observe().
+Observation observation_of(StateKind kind, const ExplorationEnvironment& environment, int agent);
 
 // The reward of an action in units of RewardConfig, and the discount of what follows.
 struct Earning {

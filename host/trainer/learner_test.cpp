@@ -15,13 +15,15 @@
 namespace ivfm::host {
 namespace {
 
+constexpr std::size_t kStateSize = 2 * kActions;  // of the state on board
+
 Observation random_observation(ResumableRandom& random) {
   Observation o;
   for (std::size_t i = 0; i < kActions; ++i) {
     o.state[i] = static_cast<std::uint16_t>(20480 + random.below(28673));
     o.state[kActions + i] = static_cast<std::uint16_t>(random.below(16385));
-    if (random.below(10) == 0) o.state[kActions + i] = kUnreachablePath;
-    if (o.state[kActions + i] != kUnreachablePath) o.reachable.set(static_cast<int>(i));
+    if (random.below(10) == 0) o.state[kActions + i] = kPathUnreachable;
+    if (o.state[kActions + i] != kPathUnreachable) o.reachable.set(static_cast<int>(i));
   }
   return o;
 }
@@ -47,7 +49,8 @@ TEST(TorchNetwork, AgreesWithTheReferenceRunOfTheSameWeights) {
   const Observation* both[] = {&a, &b};
   const std::vector<float> q = learner.q_values(both);
   for (std::size_t n = 0; n < 2; ++n) {
-    const std::span<const float> expected = reference.run(both[n]->state);
+    const std::span<const float> expected =
+        reference.run(std::span(both[n]->state).first(kStateSize));
     for (std::size_t i = 0; i < kActions; ++i)
       ASSERT_NEAR(q[n * kActions + i], expected[i], 1e-4f) << "state " << n << " cell " << i;
   }
@@ -124,11 +127,11 @@ TEST(TorchNetwork, RoundsAsTheInt8Network) {
   double float_error = 0, rounded_error = 0;
   for (std::size_t n = 0; n < 40; ++n) {
     Observation o;
-    std::copy_n(states.begin() + static_cast<std::ptrdiff_t>(n * o.state.size()), o.state.size(),
-                o.state.begin());
+    const auto state = std::span(states).subspan(n * kStateSize, kStateSize);
+    std::ranges::copy(state, o.state.begin());
     const Observation* one[] = {&o};
     const std::vector<float> floats = exact.q_values(one), rounded = rounding.q_values(one);
-    const std::span<const std::int32_t> actual = int8->run(o.state);
+    const std::span<const std::int32_t> actual = int8->run(state);
     for (std::size_t i = 0; i < kActions; ++i) {
       const double q = actual[i] * scale;
       float_error += std::abs(q - static_cast<double>(floats[i]));

@@ -1,4 +1,4 @@
-// What the policy sees at a decision: the two-channel state and the goals within reach.
+// What the policy sees at a decision: the network's state and the goals within reach.
 #pragma once
 
 #include <array>
@@ -9,11 +9,11 @@ namespace ivfm::host {
 
 inline constexpr int kGridSide = 32;                    // policy cells along a side
 inline constexpr int kActions = kGridSide * kGridSide;  // one goal per policy cell
-inline constexpr int kChannels = 2;                     // i-VFM in Q12, path in 1/256 policy cells
-inline constexpr std::uint16_t kUnreachablePath = 65535;  // path channel of a cell out of reach
+inline constexpr int kMostChannels = 4;                 // of a state (network_state.h)
 
-// Channel-major, each channel row by row from the south row, x to the east.
-using State = std::array<std::uint16_t, kChannels * kActions>;
+// Channel-major, each channel row by row from the south row, x to the east. A state of fewer
+// channels leaves the last ones 0.
+using State = std::array<std::uint16_t, kMostChannels * kActions>;
 
 // One bit per policy cell.
 class ActionMask {

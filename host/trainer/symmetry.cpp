@@ -16,7 +16,7 @@ State transformed(int s, const State& in) {
   State out;
   for (int cell = 0; cell < kActions; ++cell) {
     const auto to = static_cast<std::size_t>(transformed_action(s, cell));
-    for (std::size_t c = 0; c < kChannels; ++c)
+    for (std::size_t c = 0; c < kMostChannels; ++c)
       out[c * kActions + to] = in[c * kActions + static_cast<std::size_t>(cell)];
   }
   return out;

@@ -26,8 +26,12 @@ constexpr int kScaleSteps = 500;     // ... which are found anew so often
 constexpr int kEvaluationCap = 150;  // actions per agent
 
 FloatNetwork first_network(const TrainerConfig& config) {
-  if (!config.init.empty()) return load_network(config.init);
-  return make_random_network(config.seed);
+  const StateKind kind = state_kind_from_name(config.state).value();
+  if (config.init.empty()) return make_random_network(config.seed, kind);
+  FloatNetwork network = load_network(config.init);
+  if (network.state_kind != kind)
+    throw std::runtime_error(config.init + ": not a network for run.state = " + config.state);
+  return network;
 }
 
 // States to try goals in before the first step of learning.
@@ -168,9 +172,10 @@ void Trainer::report_progress(double loss) {
 }
 
 Policy Trainer::policy() {
-  return [this](std::span<const Observation* const> observations) {
-    return learner_->best_actions(observations);
-  };
+  return {state_kind_from_name(config_.state).value(),
+          [this](std::span<const Observation* const> observations) {
+            return learner_->best_actions(observations);
+          }};
 }
 
 void Trainer::evaluate() {
@@ -255,10 +260,11 @@ double Trainer::learning_rate() const {
 // States of the remembered ones, one after the other.
 std::vector<std::uint16_t> Trainer::example_states(int count) {
   ResumableRandom random(config_.seed);
+  const int size = channels_of(state_kind_from_name(config_.state).value()) * kActions;
   std::vector<std::uint16_t> examples;
   for (int i = 0; i < count; ++i) {
     const State& s = labels_[random.below(labels_.size())].observation.state;
-    examples.insert(examples.end(), s.begin(), s.end());
+    examples.insert(examples.end(), s.begin(), s.begin() + size);
   }
   return examples;
 }

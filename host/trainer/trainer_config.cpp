@@ -6,6 +6,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "host/environment/network_state.h"
+
 namespace ivfm::host {
 namespace {
 
@@ -77,6 +79,9 @@ void check(const TrainerConfig& c) {
   const auto is_share = [](double v) { return v > 0 && v <= 1; };
   require(c.steps >= 0 && c.one_move_steps >= 0 && c.quantized_steps >= 0,
           "run.steps, run.one_move_steps and run.quantized_steps: 0 or more");
+  require(state_kind_from_name(c.state).has_value(), "run.state: ivfm, vfm or folded");
+  require(c.state == "ivfm" || c.quantized_steps == 0,
+          "run.quantized_steps: only the ivfm state runs on board; 0 for others");
   require(c.threads >= 1, "run.threads: 1 or more");
   require(c.environments >= 1 && c.labels >= 1, "collect.environments, collect.labels: 1 or more");
   require(c.states_per_step > 0, "collect.states_per_step: more than 0");

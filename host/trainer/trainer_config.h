@@ -26,11 +26,12 @@ struct WorldMix {
 // In units of `unit_cells` newly seen policy cells, so that every world and sensor counts alike.
 struct RewardConfig {
   double unit_cells = 100;
-  double re_seen = 0.2;     // times (2 sigma(count) - 1), for each re-seen policy cell
-  double per_action = 0.0;  // cost of an action
-  double per_cell = 0.0;    // cost of driving one policy cell's side
-  double collision = 0.5;   // cost of a contact
-  double idle = 2.0;        // cost of an action that did not move the robot
+  double re_seen = 0.2;           // times (2 sigma(count) - 1), for each re-seen policy cell
+  double building_re_seen = 0.2;  // the same in buildings, where only metres count
+  double per_action = 0.0;        // cost of an action
+  double per_cell = 0.0;          // cost of driving one policy cell's side
+  double collision = 0.5;         // cost of a contact
+  double idle = 2.0;              // cost of an action that did not move the robot
 };
 
 // What the future counts less for: a factor for each action, and one for each 8 policy cells driven
@@ -42,7 +43,8 @@ struct DiscountConfig {
 
 struct TrainerConfig {
   std::string out = "out/train";
-  std::string init;  // .fnet to start from instead of random weights
+  std::string state = "ivfm";  // what the network sees
+  std::string init;            // .fnet to start from instead of random weights
   std::uint64_t seed = 1;
   int threads = 1;
   bool fresh = false;  // ignore a checkpoint in `out`
@@ -79,6 +81,7 @@ struct TrainerConfig {
 template <typename Config, typename Visit>
 void visit_options(Config& c, Visit&& visit) {
   visit("run.out", c.out, "folder for checkpoints, curves and networks");
+  visit("run.state", c.state, "what the network sees: ivfm, vfm or folded (network_state.h)");
   visit("run.init", c.init, "network file (.fnet) to start from; empty: random weights");
   visit("run.seed", c.seed, "seed of weights, worlds and choices");
   visit("run.threads", c.threads, "processor threads");
@@ -102,6 +105,7 @@ void visit_options(Config& c, Visit&& visit) {
   visit("worlds.building_max_side_m", c.worlds.building_max_side_m, "largest building");
   visit("reward.unit_cells", c.reward.unit_cells, "newly seen policy cells that earn 1");
   visit("reward.re_seen", c.reward.re_seen, "weight of the penalty for seeing cells again");
+  visit("reward.building_re_seen", c.reward.building_re_seen, "the same, in buildings");
   visit("reward.per_action", c.reward.per_action, "cost of an action");
   visit("reward.per_cell", c.reward.per_cell, "cost of driving one policy cell's side");
   visit("reward.collision", c.reward.collision, "cost of a contact");

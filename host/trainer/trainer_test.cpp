@@ -75,7 +75,12 @@ TEST(Trainer, RefusesADamagedCheckpointAndAFolderItCannotWrite) {
 // 400 map cells of a paper arena are 100 policy cells (2 x 2 each): one unit of reward.
 TEST(Reward, CountsPolicyCellsDistanceAndMishaps) {
   TrainerConfig config;
-  config.reward = {100, 0.5, 0.25, 0.125, 4, 8};
+  config.reward = {.unit_cells = 100,
+                   .re_seen = 0.5,
+                   .per_action = 0.25,
+                   .per_cell = 0.125,
+                   .collision = 4,
+                   .idle = 8};
   config.arena_discount = {0.5, 0.25};
   const ExplorationEnvironment arena(EnvironmentConfig::arena());
   StepResult result;
@@ -93,7 +98,7 @@ TEST(Reward, CountsPolicyCellsDistanceAndMishaps) {
 }
 
 TEST(Evaluation, PlaysEveryEpisodeToItsEnd) {
-  const Policy first_goal = [](std::span<const Observation* const> observations) {
+  const auto first_goal = [](std::span<const Observation* const> observations) {
     std::vector<int> out;
     for (const Observation* o : observations) {
       int a = 0;
@@ -102,7 +107,7 @@ TEST(Evaluation, PlaysEveryEpisodeToItsEnd) {
     }
     return out;
   };
-  const Evaluation e = evaluate_arena(first_goal, ArenaKind::k1x, 2, 3, 4);
+  const Evaluation e = evaluate_arena({StateKind::kIvfm, first_goal}, ArenaKind::k1x, 2, 3, 4);
   EXPECT_EQ(e.episodes, 3);
   EXPECT_LE(e.not_found, 3);
   if (e.not_found < 3) {

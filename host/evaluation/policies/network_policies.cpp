@@ -4,6 +4,8 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "host/environment/network_state.h"
+
 namespace ivfm::host {
 
 namespace {
@@ -22,17 +24,30 @@ QNetworkPolicy::QNetworkPolicy(const std::filesystem::path& model)
   if (!ok(status.status)) {
     throw std::runtime_error("the model " + model.string() + " cannot be used: " + status.reason);
   }
+  if (network_->model().state_kind != StateKind::kIvfm) {
+    throw std::runtime_error("the model " + model.string() +
+                             " is for another state than the robot's i-VFM and path; its float "
+                             "network can be judged with --policy qnet-float");
+  }
 }
 
 StepResult QNetworkPolicy::act(ExplorationEnvironment& env, int agent) {
   return env.step_decision(agent, env.explorer(agent).decide(env.pose(agent), *network_));
 }
 
-FloatNetworkPolicy::FloatNetworkPolicy(const std::filesystem::path& network)
-    : function_(load_network(network)) {}
+FloatNetworkPolicy::FloatNetworkPolicy(const std::filesystem::path& path)
+    : FloatNetworkPolicy(load_network(path)) {}
+
+FloatNetworkPolicy::FloatNetworkPolicy(const FloatNetwork& network)
+    : function_(network,
+                [this, kind = network.state_kind](const LocalState&, std::span<std::uint16_t> out) {
+                  encode_network_state(kind, *explorer_, pose_, out);
+                }) {}
 
 StepResult FloatNetworkPolicy::act(ExplorationEnvironment& env, int agent) {
-  return env.step_decision(agent, env.explorer(agent).decide(env.pose(agent), function_));
+  explorer_ = &env.explorer(agent);
+  pose_ = env.pose(agent);
+  return env.step_decision(agent, env.explorer(agent).decide(pose_, function_));
 }
 
 }  // namespace ivfm::host
