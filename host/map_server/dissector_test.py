@@ -154,7 +154,8 @@ def check_recording(source_dir, ivfm, fleet, folder):
     assert all(layer is not None for layer in layers)
     kinds = {layer.get("ivfm.kind") for layer in layers}
     assert {"0x01", "0x03", "0x04", "0x82", "0x84"} <= kinds, kinds
-    assert not [layer for layer in layers if "damaged" in json.dumps(layer)]
+    hurt = [layer for layer in layers if "damaged" in json.dumps(layer)]
+    assert not hurt, json.dumps(hurt[0], indent=1)
     assert {layer["ivfm.check"] for layer in layers} == {"good"}
     flip_a_bit(pcap, folder / "flipped.pcap")
     changed = dissected(source_dir, str(folder / "flipped.pcap"), keys)[-1]
