@@ -9,6 +9,7 @@
 #include "host/cli/manual.h"
 #include "host/demo/demo_command.h"
 #include "host/evaluation/eval_command.h"
+#include "host/localization/localize_command.h"
 #include "host/log_analysis/log_command.h"
 #include "host/map_server/keygen_command.h"
 #include "host/map_server/serve_command.h"
@@ -27,6 +28,7 @@ int run(int argc, char** argv) {
   ivfm::host::add_demo_command(app, action);
   ivfm::host::add_sim_command(app, action);
   ivfm::host::add_eval_command(app, action);
+  ivfm::host::add_localize_command(app, action);
   ivfm::host::add_canbus_command(app, action);
   ivfm::host::add_replay_command(app, action);
   ivfm::host::add_serve_command(app, action);
