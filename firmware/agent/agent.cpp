@@ -79,6 +79,7 @@ void Agent::sense_surroundings(TimeUs now_us) {
   }
   pose_at_scan_ = localization_.pose_at(measured_us);
   has_scan_ = new_scan_ = true;
+  if (!localization_.trusted()) return;  // paint nothing at a place that is in doubt
   const ViewStatistics seen = explorer_.fuse(pose_at_scan_, scan_);
   if (localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
   progress_.newly_seen_cells += seen.newly_seen_cells;
@@ -228,6 +229,7 @@ SupervisorInputs Agent::supervisor_inputs(TimeUs now_us) const {
   }
   inputs.drives_operational = wheels_.enabled(now_us);
   inputs.stop_requested = stop_requested_;
+  inputs.lost = localization_.lost();
   inputs.scan = has_scan_ ? &scan_ : nullptr;
   inputs.pose_at_scan = pose_at_scan_;
   inputs.pose = pose_;

@@ -1,6 +1,23 @@
 #include "firmware/localization/localization.h"
 
+#include <algorithm>
+#include <cstdlib>
+
+#include "shared/geometry/integer_sqrt.h"
+
 namespace ivfm {
+
+namespace {
+
+constexpr double kRadiansPerUnit = 6.283185307179586 / 65536;
+constexpr double kStill = 0.0003;        // metres a revolution that are never known
+constexpr double kStillTurn = 0.0005;    // radians
+constexpr std::uint8_t kLostAfter = 4;   // revolutions in a row that contradict the map
+constexpr std::uint8_t kTrustAfter = 2;  // that fit again before the map is painted on
+constexpr std::uint16_t kManyNear = 30;
+constexpr Symmetric3 kStartCovariance{1e-6, 0, 0, 1e-6, 0, 1e-6};
+
+}  // namespace
 
 void Localization::reset(const Pose& pose) {
   odometry_.reset(pose);
@@ -8,6 +25,10 @@ void Localization::reset(const Pose& pose) {
   surfaces_.clear();
   correction_ = {};
   match_ = {};
+  matched_ = pose;
+  poor_in_a_row_ = distrust_ = 0;
+  lost_ = false;
+  covariance_ = kStartCovariance;
 }
 
 Status Localization::add_wheels(std::int32_t left_counts, std::int32_t right_counts,
@@ -22,22 +43,86 @@ Pose Localization::to_map(const Pose& in_odometry) const {
           correction_.heading + in_odometry.heading};
 }
 
+// Carries the covariance on to where the odometry says the robot has moved.
+void Localization::predict(const Pose& in_odometry) {
+  const Pose before = to_map(matched_), now = to_map(in_odometry);
+  const double dx = (now.position.x_um - before.position.x_um) * 1e-6;
+  const double dy = (now.position.y_um - before.position.y_um) * 1e-6;
+  const double turn = (now.heading - before.heading).signed_raw() * kRadiansPerUnit;
+  const double metres = integer_sqrt(static_cast<std::uint64_t>(
+                            squared_distance_um2(now.position, before.position))) *
+                        1e-6;
+  // F P F^T with F the derivative of the motion, which turns with the heading.
+  Symmetric3& p = covariance_;
+  p = {p.xx - 2 * dy * p.xt + dy * dy * p.tt,
+       p.xy + dx * p.xt - dy * p.yt - dx * dy * p.tt,
+       p.xt - dy * p.tt,
+       p.yy + 2 * dx * p.yt + dx * dx * p.tt,
+       p.yt + dx * p.tt,
+       p.tt};
+  const double slip =
+      config_.slip_m_per_sqrt_m * config_.slip_m_per_sqrt_m * metres + kStill * kStill;
+  const double drift = config_.drift_rad_per_sqrt_m * config_.drift_rad_per_sqrt_m * metres +
+                       config_.turn_error * config_.turn_error * turn * turn +
+                       kStillTurn * kStillTurn;
+  p = p + Symmetric3{slip, 0, 0, slip, 0, drift};
+  turned_ = static_cast<std::uint16_t>(std::abs(int{(now.heading - before.heading).signed_raw()}));
+  matched_ = in_odometry;
+}
+
 MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
                                    TimeUs measured_us) {
   const Pose in_odometry = history_.at(measured_us);
-  const Pose predicted = to_map(in_odometry);
-  match_ = matcher_.match(map, surfaces_, predicted, scan);
-  if (match_.outcome != MatchOutcome::kMatched) {
-    ++(match_.outcome == MatchOutcome::kPoorFit ? counters_.poor : counters_.undecided);
-    return match_.outcome;
+  predict(in_odometry);
+  if (lost_) {
+    relocate(map, scan);
+    return MatchOutcome::kPoorFit;
   }
-  ++counters_.matched;
-  const Pose pose = blend(predicted, match_);
-  // T_map_odom = T_map_robot * T_robot_odom.
+  match_ = matcher_.match(map, surfaces_, to_map(in_odometry), covariance_, scan);
+  // Where a robot has been its surroundings are known: a place near which nothing is, is elsewhere.
+  if (match_.outcome == MatchOutcome::kUnknownPlace && counters_.matched > 0 &&
+      match_.near >= kManyNear) {
+    match_.outcome = MatchOutcome::kPoorFit;
+  }
+  judge(match_.outcome, map);
+  if (match_.outcome == MatchOutcome::kMatched) {
+    covariance_ = match_.covariance;
+    put_at(match_.pose, in_odometry);
+  }
+  return match_.outcome;
+}
+
+void Localization::judge(MatchOutcome outcome, const ExplorationMap& map) {
+  if (outcome != MatchOutcome::kPoorFit) {
+    ++(outcome == MatchOutcome::kMatched ? counters_.matched : counters_.undecided);
+    poor_in_a_row_ = 0;
+    if (distrust_ > 0 && outcome == MatchOutcome::kMatched) --distrust_;
+    return;
+  }
+  ++counters_.poor;
+  distrust_ = std::max(distrust_, kTrustAfter);
+  if (++poor_in_a_row_ < kLostAfter) return;
+  poor_in_a_row_ = 0;
+  lost_ = true;
+  ++counters_.lost;
+  relocation_.begin(map);
+}
+
+void Localization::relocate(const ExplorationMap& map, const Scan& scan) {
+  const Relocation::Result result = relocation_.step(map, surfaces_, matcher_, scan);
+  if (result == Relocation::Result::kNotFound) ++counters_.searches;
+  if (result != Relocation::Result::kFound) return;
+  lost_ = false;
+  match_ = relocation_.match();
+  covariance_ = match_.covariance;
+  put_at(match_.pose, matched_);
+}
+
+// Makes `in_odometry` mean `pose`: T_map_odom = T_map_robot * T_robot_odom.
+void Localization::put_at(const Pose& pose, const Pose& in_odometry) {
   correction_ = {{}, pose.heading - in_odometry.heading};
   const Point turned = transform(correction_, in_odometry.position.x_um, in_odometry.position.y_um);
   correction_.position = {pose.position.x_um - turned.x_um, pose.position.y_um - turned.y_um};
-  return match_.outcome;
 }
 
 }  // namespace ivfm

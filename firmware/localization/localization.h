@@ -5,15 +5,24 @@
 
 #include "firmware/localization/odometry.h"
 #include "firmware/localization/pose_history.h"
+#include "firmware/localization/relocation.h"
 #include "firmware/localization/scan_matcher.h"
 
 namespace ivfm {
 
 struct LocalizationConfig {
-  bool matching = false;  // false: odometry alone
-  // From a beam to its arrival, for which odometry alone does not allow: an RPLIDAR sends 32 beams
-  // (8 ms) at once, and the agent looks every 10 ms. Found best in simulation.
-  TimeUs scan_delay_us = 11'000;
+  bool matching = true;  // false: odometry alone
+  // How much later than the encoders' counts a revolution arrives: an RPLIDAR sends 32 beams (8 ms)
+  // at once. Found best in simulation.
+  TimeUs scan_delay_us = 4'000;
+  // How wrong the odometry may be: standard deviations that grow with the root of the distance,
+  // and the share of a turn (wheel base, and the lidar's time, which is known to some ms).
+  double slip_m_per_sqrt_m = 0.003;
+  double drift_rad_per_sqrt_m = 0.03;
+  double turn_error = 0.03;
+  // Revolutions during which the robot turned more than this teach nothing: a lidar whose time is
+  // some milliseconds off sees them turned. Binary angle units.
+  std::uint16_t learn_turn = 546;
   MatcherConfig matcher;
 };
 
@@ -22,6 +31,8 @@ struct LocalizationCounters {
   std::uint32_t matched = 0;
   std::uint32_t undecided = 0;  // too little seen or known: odometry alone
   std::uint32_t poor = 0;       // the scan contradicts the map
+  std::uint32_t lost = 0;       // times the place was lost
+  std::uint32_t searches = 0;   // of the whole map, in vain
 };
 
 class Localization {
@@ -52,16 +63,29 @@ class Localization {
   // before the revolution is fused into `map`. Requires ready().
   MatchOutcome correct(const ExplorationMap& map, const Scan& scan, TimeUs measured_us);
 
+  // The last revolution fitted the map, or the place is new: it may be painted. Not true from the
+  // first revolution on that contradicts the map until some have fitted again.
+  bool trusted() const { return distrust_ == 0; }
+  // Several revolutions in a row contradicted the map: stand still, correct() searches the map.
+  bool lost() const { return lost_; }
+
   // After that: remembers where the surfaces are. Requires ready().
   void learn(const ExplorationMap& map, const Scan& scan, TimeUs measured_us) {
-    surfaces_.learn(map, pose_at(measured_us), scan, config_.matcher.range_um);
+    if (turned_ > config_.learn_turn) return;
+    surfaces_.learn(map, pose_at(measured_us), scan, matcher_.surfaces(), config_.matcher.range_um);
   }
 
   const Odometry& odometry() const { return odometry_; }
   const ScanMatch& last_match() const { return match_; }
+  // Of the pose at the last revolution: metres and radians.
+  const Symmetric3& covariance() const { return covariance_; }
   const LocalizationCounters& counters() const { return counters_; }
 
  private:
+  void predict(const Pose& in_odometry);
+  void judge(MatchOutcome outcome, const ExplorationMap& map);
+  void relocate(const ExplorationMap& map, const Scan& scan);
+  void put_at(const Pose& pose, const Pose& in_odometry);
   // T_map_odom applied.
   Pose to_map(const Pose& in_odometry) const;
 
@@ -71,7 +95,14 @@ class Localization {
   SurfaceMap surfaces_;
   ScanMatcher matcher_;
   ScanMatch match_;
-  Pose correction_;  // T_map_odom
+  Relocation relocation_;
+  Pose correction_;           // T_map_odom
+  std::uint16_t turned_ = 0;  // since the revolution before
+  Pose matched_;              // in the odometry's frame, at the last revolution
+  Symmetric3 covariance_{};   // of the pose in the map then: metres and radians
+  std::uint8_t poor_in_a_row_ = 0;
+  std::uint8_t distrust_ = 0;  // so many revolutions have to fit
+  bool lost_ = false;
   LocalizationCounters counters_;
 };
 

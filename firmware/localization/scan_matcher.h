@@ -1,25 +1,25 @@
-// Finds the pose at which a revolution fits the robot's own occupancy map best, in integers.
+// Finds the pose at which a revolution fits the robot's own map best.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <span>
 
 #include "firmware/lidar/scan.h"
+#include "firmware/localization/scan_surfaces.h"
 #include "firmware/localization/surface_map.h"
+#include "firmware/localization/symmetric3.h"
 #include "firmware/mapping/exploration_map.h"
 #include "shared/geometry/pose.h"
 
 namespace ivfm {
 
 struct MatcherConfig {
-  std::int32_t range_um = 6'000'000;   // points farther away are left out: too noisy, not mapped
-  std::int32_t search_um = 100'000;    // how far the prediction may be off along each axis
-  std::uint16_t search_angle = 546;    // and in heading, binary angle units (3 degrees)
-  std::uint16_t min_points = 40;       // fewer points say nothing
-  std::uint16_t min_judged = 30;       // so many of them must lie where the map is known
-  std::uint16_t min_fit_percent = 50;  // share of these that must lie on obstacles of the map
+  std::int32_t range_um = 8'000'000;   // points farther away are left out
+  std::int32_t search_um = 200'000;    // how far the prediction may be off along each axis
+  std::uint16_t search_angle = 1456;   // and in heading, binary angle units (8 degrees)
+  std::uint16_t min_samples = 20;      // fewer say nothing
+  std::uint16_t min_judged = 15;       // so many of them must lie where the map is known
+  std::uint16_t min_fit_percent = 50;  // share of these that must lie on surfaces of the map
 };
 
 enum class MatchOutcome : std::uint8_t {
@@ -29,93 +29,64 @@ enum class MatchOutcome : std::uint8_t {
   kPoorFit,       // no pose in reach explains the scan
 };
 
-// How much a match knows. Weights are Q10: 0 the odometry alone counts, 1024 the match alone.
-struct MatchCertainty {
-  BinaryAngle axis;  // direction in the map along which the match knows the position best
-  std::int32_t along_q10 = 0;
-  std::int32_t across_q10 = 0;  // at right angles to `axis`: near 0 in a bare corridor
-  std::int32_t heading_q10 = 0;
-};
-
 struct ScanMatch {
   MatchOutcome outcome = MatchOutcome::kTooFewPoints;
-  Pose pose;                  // the best fit; the prediction when nothing was searched
-  std::uint16_t points = 0;   // taken from the scan
-  std::uint16_t judged = 0;   // of these, in known parts of the map
-  std::uint16_t fitting = 0;  // of these, on obstacles
-  MatchCertainty certainty;   // all 0 unless kMatched
+  Pose pose;                  // the most likely one; the prediction unless kMatched
+  Symmetric3 covariance;      // of the pose: metres and radians
+  std::uint16_t judged = 0;   // samples in known parts of the map
+  std::uint16_t fitting = 0;  // of these, on surfaces
+  std::uint16_t near = 0;     // samples within 3 m: places that a robot has mapped when it is there
 };
 
-// The prediction moved towards a match as far as the match is certain, direction by direction.
-Pose blend(const Pose& predicted, const ScanMatch& match);
-
-// Correlative matching (Olson, "Real-time correlative scan matching", ICRA 2009): a hill climb from
-// the prediction with steps down to 1/32 cell; where that does not explain the scan, an exhaustive
-// search first; Gauss-Newton steps at the end. A point is worth the more the nearer it lies to the
-// surface in its own or a neighbouring cell, measured across the scan's surface there (point to
-// line: Censi, "An ICP variant using a point-to-line metric", ICRA 2008). Certainty comes from the
-// scan's surfaces, too: directions that none faces stay with the odometry.
+// The most likely pose, given the odometry's prediction with its covariance, and the scan's samples
+// with their distances from the map's surfaces, measured across the surface (point to line: Censi,
+// "An ICP variant using a point-to-line metric", ICRA 2008), by Gauss-Newton steps with a robust
+// kernel. Directions that no surface faces stay where the odometry says, and their covariance
+// stays large. Where that does not explain the scan, an exhaustive search comes first (Olson,
+// "Real-time correlative scan matching", ICRA 2009).
 class ScanMatcher {
  public:
-  static constexpr std::size_t kMaxPoints = 160;
-
   explicit ScanMatcher(const MatcherConfig& config) : config_(config) {}
 
   // Matches a scan (already corrected for motion) near `predicted`, both for the same instant.
+  // `covariance`: of the prediction, in metres and radians, positive definite.
   ScanMatch match(const ExplorationMap& map, const SurfaceMap& surfaces, const Pose& predicted,
-                  const Scan& scan);
+                  const Symmetric3& covariance, const Scan& scan);
+
+  // The same for a robot that has lost its place, somewhere around `guess`: only a match that
+  // explains nearly all of the scan counts.
+  ScanMatch locate(const ExplorationMap& map, const SurfaceMap& surfaces, const Pose& guess,
+                   const Scan& scan);
+  // Only finds the scan's surfaces.
+  void look_at(const Scan& scan, std::int32_t cell_um) {
+    scan_surfaces_.take(scan, config_.range_um, cell_um);
+  }
 
   const MatcherConfig& config() const { return config_; }
+  // Of the last scan.
+  const ScanSurfaces& surfaces() const { return scan_surfaces_; }
 
  private:
-  // Positions in 1/256 cell.
-  struct GridPoint {
-    std::int32_t x = 0;
-    std::int32_t y = 0;
+  // Sums over the samples for a Gauss-Newton step, and how well they fit.
+  struct Evidence {
+    Symmetric3 information;
+    Vector3 gradient{};
+    std::uint16_t judged = 0;
+    std::uint16_t fitting = 0;
   };
-  // A pose relative to the prediction.
-  struct Offset {
-    std::int32_t x = 0;  // 1/256 cell
-    std::int32_t y = 0;
-    std::int32_t turn = 0;  // binary angle units
-  };
-  struct Candidate {
-    Offset offset;
-    std::int64_t score = 0;
-  };
-
-  void take_points(const Scan& scan, std::int32_t cell_um);
-  void turn_to(std::int32_t turn);
-  void find_normals();
-  std::int32_t value(std::size_t i, GridPoint p) const;
-  bool is_known_at(GridPoint p) const;
-  GridPoint place(std::size_t i, const Offset& offset) const;
-  std::int64_t overlap(const Offset& offset);
-  std::int64_t score(const Offset& offset);
-  Candidate climb(Candidate best);
-  bool improve(Candidate& best, std::int32_t step, std::int32_t turn_step);
-  Candidate search_everywhere();
-  Candidate settle(const Candidate& climbed);
-  bool newton_step(Offset& offset);
-  bool nearest_surface(GridPoint p, GridPoint& to_surface) const;
-  bool in_reach(const Offset& offset) const;
-  void judge(const Offset& offset, ScanMatch& match);
-  MatchCertainty certainty(const Offset& offset);
-  // In the robot's frame, Q10; zero where the surface is not flat.
-  GridPoint surface_normal(std::size_t i) const;
+  Evidence weigh(const Pose& pose, std::int32_t kernel_um) const;
+  ScanMatch refine(Pose start, const Pose& predicted, const Symmetric3& information) const;
+  Pose search(const Pose& predicted) const;
+  std::int32_t overlap(const Pose& pose) const;
+  bool in_reach(const Pose& pose, const Pose& predicted) const;
+  bool explains(const ScanMatch& match, std::int32_t percent) const {
+    return match.fitting * 100 >= match.judged * percent;
+  }
 
   MatcherConfig config_;
+  ScanSurfaces scan_surfaces_;
   const ExplorationMap* map_ = nullptr;  // these two during match()
   const SurfaceMap* surfaces_ = nullptr;
-  BinaryAngle heading_;     // of the prediction
-  GridPoint origin_;        // the prediction, from the middle of the window's lowest left cell
-  std::int32_t reach_ = 0;  // search_um in 1/256 cell
-  std::array<GridPoint, kMaxPoints> points_{};          // in the robot's frame
-  std::array<GridPoint, kMaxPoints> turned_{};          // in the map's axes, for the turn below
-  std::array<GridPoint, kMaxPoints> normals_{};         // Q10, in the robot's frame
-  std::array<GridPoint, kMaxPoints> turned_normals_{};  // in the map's axes
-  std::size_t size_ = 0;
-  std::int32_t turn_ = 0;
 };
 
 }  // namespace ivfm

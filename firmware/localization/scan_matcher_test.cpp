@@ -16,6 +16,9 @@ namespace {
 constexpr std::int32_t kCellUm = 50'000;
 constexpr std::int32_t kWindowCells = 256;
 
+// 10 cm and 3 degrees: the prediction may be far off.
+constexpr Symmetric3 kDoubt{0.01, 0, 0, 0.01, 0, 0.0027};
+
 struct Wall {
   double x0, y0, x1, y1;  // metres
 };
@@ -67,11 +70,12 @@ class ScanMatcherTest : public testing::Test {
       here.position.y_um += (i / 4) * 20'000;
       const Scan& scan = scan_from(walls, here);
       fusion_.fuse(map_, here, scan, false);
-      surfaces_.learn(map_, here, scan, 6'000'000);
+      scan_surfaces_.take(scan, 8'000'000, kCellUm);
+      surfaces_.learn(map_, here, scan, scan_surfaces_, 8'000'000);
     }
   }
-  ScanMatch match(const Pose& predicted, const Scan& scan) {
-    return matcher_.match(map_, surfaces_, predicted, scan);
+  ScanMatch match(const Pose& predicted, const Scan& scan, const Symmetric3& doubt = kDoubt) {
+    return matcher_.match(map_, surfaces_, predicted, doubt, scan);
   }
   static Pose shifted(Pose pose, std::int32_t x_um, std::int32_t y_um, double degrees) {
     pose.position.x_um += x_um;
@@ -94,6 +98,7 @@ class ScanMatcherTest : public testing::Test {
   ExplorationMap map_{cells_->layers(), kCellUm, kWindowCells, 100'000};
   ScanFusion fusion_{FusionConfig{}};
   SurfaceMap surfaces_{surface_cells_->surface_entries};
+  ScanSurfaces scan_surfaces_;
   ScanMatcher matcher_{MatcherConfig{}};
   Scan scan_;
   std::uint32_t seed_ = 1;
@@ -114,31 +119,40 @@ TEST_F(ScanMatcherTest, FindsKnownOffsetsWithinAQuarterCellAndAFifthOfADegree) {
   }
 }
 
-TEST_F(ScanMatcherTest, IsCertainInEveryDirectionInARoom) {
+TEST_F(ScanMatcherTest, KnowsEveryDirectionInARoom) {
   const Pose truth{{120'000, 330'000}, BinaryAngle::from_degrees(31)};
   draw(kRoom, truth);
-  const Pose predicted = shifted(truth, 60'000, -60'000, 1);
-  const ScanMatch found = match(predicted, scan_from(kRoom, truth));
-  EXPECT_GT(found.certainty.across_q10, 700);
-  EXPECT_GT(found.certainty.heading_q10, 900);
-  const Pose blended = blend(predicted, found);
-  EXPECT_NEAR(blended.position.x_um, truth.position.x_um, 25'000);
-  EXPECT_NEAR(blended.position.y_um, truth.position.y_um, 25'000);
+  const ScanMatch found = match(shifted(truth, 60'000, -60'000, 1), scan_from(kRoom, truth));
+  ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
+  EXPECT_LT(found.covariance.xx, 0.01 * 0.01);
+  EXPECT_LT(found.covariance.yy, 0.01 * 0.01);
+  EXPECT_LT(found.covariance.tt, 0.005 * 0.005);
 }
 
 TEST_F(ScanMatcherTest, ABareCorridorSaysNothingAlongItself) {
   const Pose truth{{0, 0}, BinaryAngle::from_degrees(-12)};
   draw(kCorridor, truth);
-  const Pose predicted = shifted(truth, 60'000, 60'000, 1);
-  const ScanMatch found = match(predicted, scan_from(kCorridor, truth));
+  constexpr Symmetric3 kTwoCm{0.0004, 0, 0, 0.0004, 0, 0.0003};
+  const Pose predicted = shifted(truth, 20'000, 20'000, 1);
+  const ScanMatch found = match(predicted, scan_from(kCorridor, truth), kTwoCm);
   ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
-  EXPECT_LT(found.certainty.across_q10, 60);
-  EXPECT_GT(found.certainty.along_q10, 800);
-  EXPECT_NEAR(std::abs(found.certainty.axis.degrees()), 90, 3) << "only across the corridor";
-  const Pose blended = blend(predicted, found);
-  EXPECT_NEAR(blended.position.x_um, predicted.position.x_um, 6'000) << "odometry rules along it";
-  EXPECT_NEAR(blended.position.y_um, truth.position.y_um, 15'000);
-  EXPECT_NEAR((blended.heading - truth.heading).degrees(), 0, 0.3);
+  EXPECT_NEAR(found.pose.position.x_um, predicted.position.x_um, 3'000) << "the odometry rules";
+  EXPECT_NEAR(found.pose.position.y_um, truth.position.y_um, 10'000);
+  EXPECT_NEAR((found.pose.heading - truth.heading).degrees(), 0, 0.2);
+  EXPECT_GT(found.covariance.xx, 0.8 * kTwoCm.xx) << "and the estimate says so";
+  EXPECT_LT(found.covariance.yy, 0.01 * 0.01);
+}
+
+TEST_F(ScanMatcherTest, AThinWallIsNotTakenForItsOtherSide) {
+  // Seen from below first, then a scan from above: 4 cm apart, in the same row of cells.
+  const std::vector<Wall> below{
+      {-2, 1.005, 2, 1.005}, {-2, -1, 2, -1}, {-2, -1, -2, 1.005}, {2, -1, 2, 1.005}};
+  const std::vector<Wall> above{
+      {-2, 1.045, 2, 1.045}, {-2, 3, 2, 3}, {-2, 1.045, -2, 3}, {2, 1.045, 2, 3}};
+  draw(below, {{0, 0}, BinaryAngle()});
+  const Pose beyond{{0, 2'000'000}, BinaryAngle()};
+  const ScanMatch found = match(beyond, scan_from(above, beyond));
+  EXPECT_NEAR(found.pose.position.y_um, beyond.position.y_um, 2'000);
 }
 
 TEST_F(ScanMatcherTest, AThirdOfWrongPointsDoesNotMislead) {
@@ -148,7 +162,7 @@ TEST_F(ScanMatcherTest, AThirdOfWrongPointsDoesNotMislead) {
   ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
   EXPECT_NEAR(found.pose.position.x_um, truth.position.x_um, kCellUm / 4);
   EXPECT_NEAR(found.pose.position.y_um, truth.position.y_um, kCellUm / 4);
-  EXPECT_NEAR((found.pose.heading - truth.heading).degrees(), 0, 0.5);
+  EXPECT_NEAR((found.pose.heading - truth.heading).degrees(), 0, 0.2);
 }
 
 TEST_F(ScanMatcherTest, AKidnappedRobotGetsNoWrongPose) {
@@ -164,19 +178,59 @@ TEST_F(ScanMatcherTest, AnEmptyMapOrAnEmptyScanDecidesNothing) {
   EXPECT_EQ(match(pose, Scan{}).outcome, MatchOutcome::kTooFewPoints);
 }
 
+// A wall 1 m ahead, at right angles to the view, seen by beams 10 mm apart.
+void look_at_wall(Scan& scan, int range_mm) {
+  scan.clear();
+  for (int i = -20; i <= 20; ++i) {
+    const double angle = std::atan2(i * 10.0, range_mm), range = std::hypot(i * 10.0, range_mm);
+    (void)scan.push({BinaryAngle::from_radians(angle),
+                     static_cast<std::uint16_t>(std::lround(range)), Echo::kHit, 40});
+  }
+}
+
 TEST(SurfaceMap, RemembersTheMeanOfTheHitsInACell) {
   const auto cells = std::make_unique<MapStorage<64>>();
   ExplorationMap map(cells->layers(), kCellUm, 64, 100'000);
-  map.add_evidence({20, 0}, occupancy::kHit);
   const auto memory = std::make_unique<SurfaceStorage<64>>();
   SurfaceMap surfaces(memory->surface_entries);
   Scan scan;
-  (void)scan.push({BinaryAngle(), 1'010, Echo::kHit, 40});  // 1.01 m + 6.25 mm: 0.325 of the cell
-  (void)scan.push({BinaryAngle(), 1'030, Echo::kHit, 40});  // 0.725
-  surfaces.learn(map, {}, scan, 6'000'000);
-  EXPECT_NEAR(surfaces.mean({20, 0}).x, 0.525 * 256, 1);
-  EXPECT_EQ(surfaces.mean({20, 0}).y, 0);
-  EXPECT_EQ(surfaces.mean({21, 0}).x, 128) << "the middle of a cell without hits";
+  ScanSurfaces found;
+  for (const int range_mm : {1010, 1030}) {  // the mean is 1.02 m
+    look_at_wall(scan, range_mm);
+    ScanFusion(FusionConfig{}).fuse(map, {}, scan, false);
+    found.take(scan, 6'000'000, kCellUm);
+    surfaces.learn(map, {}, scan, found, 6'000'000);
+  }
+  const SurfaceMap::Distance ahead = surfaces.distance(map, {1'000'000, 0}, -16384, 0, 128);
+  EXPECT_GT(ahead.weight, 0);
+  EXPECT_NEAR(ahead.um, -20'000, 1'000);
+  EXPECT_EQ(surfaces.distance(map, {1'000'000, 0}, 16384, 0, 0).weight, 0) << "the other side";
+  EXPECT_EQ(surfaces.distance(map, {700'000, 0}, -16384, 0, 128).weight, 0) << "no surface there";
+}
+
+TEST(ScanSurfaces, FindsNormalsTowardsTheRobot) {
+  Scan scan;
+  look_at_wall(scan, 1000);
+  ScanSurfaces found;
+  found.take(scan, 6'000'000, kCellUm);
+  ASSERT_GE(found.samples().size(), 7u);
+  for (const SurfaceSample& sample : found.samples()) {
+    EXPECT_NEAR(sample.normal_x, -16384, 60);
+    EXPECT_NEAR(sample.x_um, 1'000'000, 1'000);
+  }
+}
+
+TEST(ScanSurfaces, SpacesSamplesWiderWhenThereAreTooMany) {
+  Scan scan;
+  for (int i = 0; i < 1000; ++i) {  // a circle of 6 m: 37 m around
+    (void)scan.push({BinaryAngle(static_cast<std::uint16_t>(i * 65)), 6'000, Echo::kHit, 40});
+  }
+  ScanSurfaces found;
+  found.take(scan, 8'000'000, 50'000);
+  EXPECT_LE(found.samples().size(), ScanSurfaces::kMaxSamples);
+  EXPECT_GT(found.samples().size(), ScanSurfaces::kMaxSamples / 2);
+  found.take(scan, 5'000'000, 50'000);
+  EXPECT_TRUE(found.samples().empty());
 }
 
 }  // namespace

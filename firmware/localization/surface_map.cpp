@@ -6,14 +6,28 @@ namespace ivfm {
 
 namespace {
 
-// Running mean: a step of the difference's `hits`th part.
-std::uint16_t moved(std::uint16_t mean, std::int32_t sample, std::int32_t hits) {
-  return static_cast<std::uint16_t>(mean + (sample - std::int32_t{mean}) / hits);
-}
+constexpr std::int32_t kSub = 8192;
 
 std::int64_t squared_distance(Cell a, Cell b) {
   const std::int64_t dx = std::int64_t{a.x} - b.x, dy = std::int64_t{a.y} - b.y;
   return dx * dx + dy * dy;
+}
+
+// At most a right angle apart, in 256ths of a turn.
+bool faces_alike(std::uint8_t a, std::uint8_t b) {
+  const auto apart = static_cast<std::uint8_t>(a - b);
+  return apart <= 64 || apart >= 192;
+}
+
+// Running mean.
+void move_mean(std::int16_t& mean, std::int32_t sample, std::int32_t weight, std::int32_t total) {
+  mean = static_cast<std::int16_t>(mean + (sample - mean) * weight / total);
+}
+
+// Near hits are worth more: the lidar's noise grows with the range.
+std::int32_t weight_of(std::int32_t range_mm) {
+  const std::int32_t decimetres = range_mm / 100;
+  return std::max(1, 8 * 400 / (400 + decimetres * decimetres));
 }
 
 }  // namespace
@@ -27,15 +41,12 @@ std::size_t SurfaceMap::slot(Cell c, std::size_t probe) const {
   return (hash + probe) & (entries_.size() - 1);
 }
 
-SurfaceMap::Mean SurfaceMap::mean(Cell c) const {
-  if (entries_.empty()) return {};
+const SurfaceMap::Entry* SurfaceMap::find(Cell c) const {
   for (std::size_t probe = 0; probe < kProbes; ++probe) {
     const Entry& entry = entries_[slot(c, probe)];
-    if (entry.hits != 0 && entry.x == c.x && entry.y == c.y) {
-      return {entry.sub_x >> 8, entry.sub_y >> 8};
-    }
+    if (entry.weight != 0 && entry.x == c.x && entry.y == c.y) return &entry;
   }
-  return {};
+  return nullptr;
 }
 
 SurfaceMap::Entry& SurfaceMap::find_or_replace(Cell c, Cell robot) {
@@ -43,42 +54,87 @@ SurfaceMap::Entry& SurfaceMap::find_or_replace(Cell c, Cell robot) {
   std::int64_t farthest = -1;
   for (std::size_t probe = 0; probe < kProbes; ++probe) {
     Entry& entry = entries_[slot(c, probe)];
-    if (entry.hits != 0 && entry.x == c.x && entry.y == c.y) return entry;
+    if (entry.weight != 0 && entry.x == c.x && entry.y == c.y) return entry;
     const std::int64_t distance =
-        entry.hits == 0 ? INT64_MAX : squared_distance({entry.x, entry.y}, robot);
+        entry.weight == 0 ? INT64_MAX : squared_distance({entry.x, entry.y}, robot);
     if (distance <= farthest) continue;
     farthest = distance;
     replaced = &entry;
   }
-  *replaced = {static_cast<std::int16_t>(c.x), static_cast<std::int16_t>(c.y), 0, 0, 0};
+  *replaced = {static_cast<std::int16_t>(c.x), static_cast<std::int16_t>(c.y), 0, 0, 0, 0};
   return *replaced;
 }
 
 void SurfaceMap::learn(const ExplorationMap& map, const Pose& pose, const Scan& scan,
-                       std::int32_t range_um) {
+                       const ScanSurfaces& surfaces, std::int32_t range_um) {
   if (entries_.empty()) return;
   const GridFrame& frame = map.frame();
   const Cell robot = frame.cell_at(pose.position);
-  for (const ScanPoint& point : scan.points()) {
+  const auto samples = surfaces.samples();
+  std::size_t next = 0;
+  bool flat = false;
+  std::uint8_t facing = 0;
+  for (std::size_t i = 0; i < scan.size; ++i) {
+    const ScanPoint& point = scan.storage[i];
+    // A hit faces as the sample before it does.
+    if (next < samples.size() && samples[next].beam == i) {
+      const SurfaceSample& s = samples[next++];
+      flat = s.is_flat();
+      facing = static_cast<std::uint8_t>(
+          (pose.heading + atan2_binary(s.normal_y, s.normal_x)).raw() >> 8);
+    }
     const std::int32_t reach_um = std::int32_t{point.range_mm} * 1000;
-    if (point.echo != Echo::kHit || reach_um > range_um) continue;
-    // As in scan fusion, an eighth of a cell behind the end of the beam.
-    const std::int32_t length = reach_um + frame.cell_um() / 8;
+    if (point.echo != Echo::kHit || reach_um > range_um || !flat) continue;
     const BinaryAngle direction = pose.heading + point.bearing;
-    const Point p{pose.position.x_um + scale_q30(length, cos_q30(direction)),
-                  pose.position.y_um + scale_q30(length, sin_q30(direction))};
-    const Cell c = frame.cell_at(p);
-    if (!frame.contains(c) || map.layers().occupancy[frame.index_of(c)] <= 0) continue;
-    const auto sub = [&](std::int32_t at_um, std::int32_t cell) {
-      const std::int64_t inside = at_um - std::int64_t{cell} * frame.cell_um();
-      return static_cast<std::int32_t>((inside << 16) / frame.cell_um());
+    const std::int32_t c = cos_q30(direction), s = sin_q30(direction);
+    const Point p{pose.position.x_um + scale_q30(reach_um, c),
+                  pose.position.y_um + scale_q30(reach_um, s)};
+    // The cell that scan fusion paints: an eighth of a cell behind the end of the beam.
+    const std::int32_t behind = frame.cell_um() / 8;
+    const Cell cell = frame.cell_at({p.x_um + scale_q30(behind, c), p.y_um + scale_q30(behind, s)});
+    if (!frame.contains(cell) || map.layers().occupancy[frame.index_of(cell)] < 0) continue;
+    const auto sub = [&](std::int32_t at_um, std::int32_t of) {
+      const std::int64_t inside = at_um - std::int64_t{of} * frame.cell_um();
+      return static_cast<std::int32_t>(inside * kSub / frame.cell_um());
     };
-    Entry& entry = find_or_replace(c, robot);
-    if (entry.hits == kMaxHits) continue;
-    ++entry.hits;
-    entry.sub_x = moved(entry.sub_x, sub(p.x_um, c.x), entry.hits);
-    entry.sub_y = moved(entry.sub_y, sub(p.y_um, c.y), entry.hits);
+    Entry& entry = find_or_replace(cell, robot);
+    const std::int32_t weight = weight_of(point.range_mm);
+    if (entry.weight == 0) entry.facing = facing;
+    if (entry.weight + weight > kMaxWeight || !faces_alike(entry.facing, facing)) continue;
+    entry.weight = static_cast<std::uint8_t>(entry.weight + weight);
+    move_mean(entry.sub_x, sub(p.x_um, cell.x), weight, entry.weight);
+    move_mean(entry.sub_y, sub(p.y_um, cell.y), weight, entry.weight);
   }
+}
+
+SurfaceMap::Distance SurfaceMap::distance(const ExplorationMap& map, Point p, std::int32_t normal_x,
+                                          std::int32_t normal_y, std::uint8_t facing) const {
+  const GridFrame& frame = map.frame();
+  const Cell middle = frame.cell_at(p);
+  const std::int32_t cell_um = frame.cell_um();
+  if (!frame.contains({middle.x - 1, middle.y - 1}) ||
+      !frame.contains({middle.x + 1, middle.y + 1})) {
+    return {};
+  }
+  std::int64_t sum = 0;
+  std::int32_t weights = 0;
+  for (std::int32_t y = middle.y - 1; y <= middle.y + 1; ++y) {
+    const std::int8_t* row = &map.layers().occupancy[frame.index_of({middle.x - 1, y})];
+    for (std::int32_t x = middle.x - 1; x <= middle.x + 1; ++x) {
+      if (*row++ < 0) continue;
+      const Entry* entry = find({x, y});
+      if (entry == nullptr || !faces_alike(entry->facing, facing)) continue;
+      const auto position = [&](std::int32_t cell, std::int32_t sub) {
+        return static_cast<std::int32_t>(cell * cell_um + std::int64_t{sub} * cell_um / kSub);
+      };
+      const std::int64_t dx = position(x, entry->sub_x) - p.x_um;
+      const std::int64_t dy = position(y, entry->sub_y) - p.y_um;
+      sum += ((dx * normal_x + dy * normal_y) >> 14) * entry->weight;
+      weights += entry->weight;
+    }
+  }
+  if (weights == 0) return {};
+  return {static_cast<std::int32_t>(sum / weights), weights};
 }
 
 }  // namespace ivfm

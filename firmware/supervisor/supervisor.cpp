@@ -56,6 +56,7 @@ void Supervisor::find_faults(const SupervisorInputs& inputs, TimeUs now_us) {
                inputs.scan == nullptr || inputs.lidar_age_us > config_.lidar_max_age_us);
   reasons_.set(StopReason::kOdometryStale, inputs.odometry_age_us > config_.odometry_max_age_us);
   reasons_.set(StopReason::kDriveLost, !inputs.drives_operational);
+  reasons_.set(StopReason::kLost, inputs.lost);
   reasons_.set(StopReason::kInternalError, inputs.internal_error || time_went_back);
   const bool was_well = well_;
   well_ = reasons_.none();

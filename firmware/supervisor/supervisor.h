@@ -22,7 +22,8 @@ enum class StopReason : std::uint16_t {
   kInternalError = 1 << 4,
   kObstacle = 1 << 5,          // an obstacle inside the stopping distance: no driving towards it
   kSlowedByObstacle = 1 << 6,  // an obstacle ahead: slower, still moving
-  kLimited = 1 << 7,           // the setpoint was beyond the largest speed or turn rate
+  kLost = 1 << 7,              // the robot does not know where it is
+  kLimited = 1 << 8,           // the setpoint was beyond the largest speed or turn rate
 };
 
 // A set of StopReason.
@@ -71,6 +72,7 @@ struct SupervisorInputs {
   std::uint32_t odometry_age_us = kNeverUs;  // since the older one of the wheels' last positions
   bool drives_operational = false;           // both answer and are in the state operation enabled
   bool stop_requested = false;               // a person, the server or the process' end wants it
+  bool lost = false;                         // the scans contradict the map, see Localization
   bool internal_error = false;               // a part of the agent reported a broken invariant
   const Scan* scan = nullptr;                // the last complete revolution, null before the first
   Pose pose_at_scan;                         // of the robot, at the end of that revolution

@@ -53,6 +53,7 @@ class MatchingEstimator final : public PoseEstimator {
     const TimeUs measured_us = revolution.end_us - delay_us;
     localization_.deskew(raw_, revolution.start_us - delay_us, measured_us, scan_);
     (void)localization_.correct(map_, scan_, measured_us);
+    if (!localization_.trusted()) return;
     const Pose pose = localization_.pose_at(measured_us);
     (void)map_.roll_to(map_.frame().cell_at(pose.position));
     ScanFusion(fusion_config_).fuse(map_, pose, scan_, false);

@@ -84,7 +84,7 @@ class IcpSlam final : public PoseEstimator {
     icp.thresholdAng = 5 * std::numbers::pi / 180;
     icp.ALFA = 0.8;
     icp.smallestThresholdDist = 0.05;
-    
+
     icp.corresponding_points_decimation = 1;
   }
 

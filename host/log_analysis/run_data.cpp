@@ -483,6 +483,7 @@ std::string fault_text(std::uint8_t fault) {
       {StopReason::kStopCommand, "stop command"},
       {StopReason::kInternalError, "internal error"},
       {StopReason::kObstacle, "obstacle too near"},
+      {StopReason::kLost, "lost its place in the map"},
   };
   std::string text;
   for (const auto& [reason, name] : kTexts) {

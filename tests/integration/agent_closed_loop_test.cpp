@@ -322,6 +322,51 @@ TEST_F(AgentInARoom, StopsWhenTimeGoesBackAndRecovers) {
   expect_drives_again();
 }
 
+TEST_F(AgentInARoom, FindsItsPlaceAgainAfterBeingCarriedAway) {
+  ASSERT_TRUE(
+      run_until([&] { return agent().odometry().travelled_um() > 2'000'000; }, 120 * kSecondUs));
+  const std::uint32_t fused = agent().progress().scans_fused;
+  const host::TruePose there{1.2, 2.2, 2.0};
+  body_ = host::RobotBody({}, there, host::OdometryNoise::preset("none"), 1);
+  ASSERT_TRUE(run_until([&] { return agent().localization().lost(); }, 2 * kSecondUs));
+  EXPECT_LE(agent().progress().scans_fused, fused + 1) << "nothing is painted in a wrong place";
+  run_for(150'000);
+  EXPECT_FALSE(wheels_turn());
+  EXPECT_EQ(agent().state(), RobotState::kFault);
+  EXPECT_TRUE(agent().supervisor().reasons().has(StopReason::kLost));
+  ASSERT_TRUE(run_until([&] { return !agent().localization().lost(); }, 30 * kSecondUs));
+  EXPECT_NEAR(agent().pose().position.x_um * 1e-6, body_.pose().x_m, 0.05);
+  EXPECT_NEAR(agent().pose().position.y_um * 1e-6, body_.pose().y_m, 0.05);
+  EXPECT_NEAR(std::remainder(agent().pose().heading.radians() - body_.pose().heading_rad,
+                             2 * std::numbers::pi),
+              0, 0.02);
+  EXPECT_EQ(allocations_, 0u);
+  ASSERT_TRUE(run_until([&] { return agent().state() != RobotState::kFault; }, 5 * kSecondUs));
+  EXPECT_TRUE(run_until([&] { return agent().state() == RobotState::kExplored; }, 240 * kSecondUs));
+  EXPECT_EQ(body_.collisions(), 0);
+}
+
+TEST_F(AgentInARoom, SaysThatItIsLostInAPlaceThatIsNotInItsMap) {
+  drive_off();
+  const std::uint32_t fused = agent().progress().scans_fused;
+  // Another room: round, 3 m across.
+  for (std::int32_t row = 0; row < world_->height; ++row) {
+    for (std::int32_t column = 0; column < world_->width; ++column) {
+      const double dx = column - 84, dy = row - 64;
+      world_->occupied[static_cast<std::size_t>(row * world_->width + column)] =
+          std::hypot(dx, dy) > 60 ? 1 : 0;
+    }
+  }
+  rays_ = std::make_shared<RayCaster>(world_);
+  body_ = host::RobotBody({}, {2.0, 1.5, 0}, host::OdometryNoise::preset("none"), 1);
+  ASSERT_TRUE(
+      run_until([&] { return agent().localization().counters().searches > 0; }, 60 * kSecondUs));
+  EXPECT_TRUE(agent().localization().lost());
+  EXPECT_EQ(agent().state(), RobotState::kFault);
+  EXPECT_FALSE(wheels_turn());
+  EXPECT_LE(agent().progress().scans_fused, fused + 2);
+}
+
 TEST(AgentSize, TheMcuProfileFitsInto300KiB) {
   EXPECT_LE(sizeof(AgentFor<McuProfile>), 300u * 1024);
   std::printf("sizeof(Agent): paper %zu, robot %zu, mcu %zu bytes\n",

@@ -21,6 +21,7 @@ std::int32_t to_um(double metres) { return static_cast<std::int32_t>(std::lround
 // The supervisor keeps this much more than the robot's radius free: lidar noise, old scans.
 constexpr std::int32_t kSafetyMarginUm = 30'000;
 constexpr std::int32_t kMappingRangeUm = 6'000'000;
+constexpr std::int32_t kMinMatchedCellUm = 40'000;
 
 ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um) {
   ExplorerConfig config = ExplorerConfig::lidar(to_um(options.visit_range_m), cell_um);
@@ -69,7 +70,9 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
   config.link.epoch = epoch;
   config.link.boot = boot;
   config.link.bytes_per_second = static_cast<std::uint32_t>(options.radio_rate);
-  config.localization.matching = options.localization == LocalizationChoice::kMatching;
+  // Cells finer than the lidar's noise (profile paper) cannot be matched against.
+  config.localization.matching =
+      options.localization == LocalizationChoice::kMatching && cell_um >= kMinMatchedCellUm;
   config.start = {{to_um(options.start_x_m), to_um(options.start_y_m)},
                   BinaryAngle::from_degrees(options.start_heading_deg)};
   config.max_action_travel_um = to_um(options.visit_range_m / 2);

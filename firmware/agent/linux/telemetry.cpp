@@ -40,6 +40,7 @@ std::size_t format_telemetry_json(const Agent& agent, TimeUs now_us, std::span<c
   const MapLinkCounters& link = agent.link().counters();
   const RplidarDriver::Counters lidar = agent.lidar().counters();
   const WheelDrive::Counters& can = agent.wheels().counters();
+  const LocalizationCounters& places = agent.localization().counters();
   const int length = std::snprintf(
       out.data(), out.size(),
       "{\"time_us\":%" PRIu64
@@ -53,7 +54,9 @@ std::size_t format_telemetry_json(const Agent& agent, TimeUs now_us, std::span<c
       ",\"common_stops\":%" PRIu32 "},\"radio\":{\"bytes_sent\":%" PRIu64
       ",\"bytes_received\":%" PRIu64 ",\"datagrams_sent\":%" PRIu64
       ",\"datagrams_received\":%" PRIu64 ",\"retransmissions\":%" PRIu32 ",\"dropped\":%" PRIu32
-      "},\"odometry_jumps\":%" PRIu32 "}\n",
+      "},\"odometry_jumps\":%" PRIu32 ",\"localization\":{\"matched\":%" PRIu32
+      ",\"undecided\":%" PRIu32 ",\"poor\":%" PRIu32 ",\"lost\":%" PRIu32 ",\"searches\":%" PRIu32
+      "}}\n",
       now_us, to_string(agent.state()), unsigned{agent.supervisor().reasons().bits()},
       metres(pose.position.x_um), metres(pose.position.y_um), pose.heading.degrees(),
       metres(static_cast<std::int64_t>(agent.odometry().travelled_um())), agent.progress().actions,
@@ -64,7 +67,8 @@ std::size_t format_telemetry_json(const Agent& agent, TimeUs now_us, std::span<c
       link.datagrams_sent, link.datagrams_received, link.retransmissions,
       link.dropped_malformed + link.dropped_misdirected + link.dropped_refused +
           link.dropped_replayed + link.dropped_stale + link.dropped_cell_size,
-      agent.odometry().jumps());
+      agent.odometry().jumps(), places.matched, places.undecided, places.poor, places.lost,
+      places.searches);
   return written(length, out);
 }
 

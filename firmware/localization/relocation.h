@@ -1,0 +1,51 @@
+// Finds a robot in its map again that has lost its place: carried away, or slipped for long.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "firmware/lidar/scan.h"
+#include "firmware/localization/scan_matcher.h"
+#include "firmware/localization/surface_map.h"
+#include "firmware/mapping/exploration_map.h"
+#include "shared/geometry/pose.h"
+
+namespace ivfm {
+
+// Searches all free places of the map, some each revolution, while the robot stands: first coarsely
+// against the inflated obstacles, then by matching at the best few places. A place counts as found
+// only when it explains the scan and no other one does nearly as well.
+class Relocation {
+ public:
+  enum class Result : std::uint8_t { kSearching, kFound, kNotFound };
+
+  // Begins at the first place.
+  void begin(const ExplorationMap& map);
+  // A revolution's share of the search. kFound: match() tells where; kNotFound: the whole map was
+  // searched, and the search began again.
+  Result step(const ExplorationMap& map, const SurfaceMap& surfaces, ScanMatcher& matcher,
+              const Scan& scan);
+  const ScanMatch& match() const { return best_; }
+
+ private:
+  static constexpr std::size_t kCandidates = 8;
+  struct Candidate {
+    Pose pose;
+    std::int32_t score = -1;
+  };
+
+  void try_place(const ExplorationMap& map, const ScanSurfaces& scan, Cell cell);
+  void keep(const Candidate& candidate);
+  Result judge(const ExplorationMap& map, const SurfaceMap& surfaces, ScanMatcher& matcher,
+               const Scan& scan);
+
+  CellRect region_;
+  Cell next_;  // place to try
+  std::array<Candidate, kCandidates> candidates_{};
+  std::size_t judged_ = 0;  // of the candidates
+  ScanMatch best_;
+  std::uint16_t second_fitting_ = 0;  // of the best match at another place
+};
+
+}  // namespace ivfm
