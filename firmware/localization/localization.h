@@ -11,7 +11,7 @@
 namespace ivfm {
 
 struct LocalizationConfig {
-  bool matching = true;  // false: odometry alone
+  bool matching = false;  // false: odometry alone
   // How much later than the encoders' counts a revolution arrives: an RPLIDAR sends 32 beams (8 ms)
   // at once. Found best in simulation.
   TimeUs scan_delay_us = 4'000;

@@ -27,7 +27,7 @@ void move_mean(std::int16_t& mean, std::int32_t sample, std::int32_t weight, std
 // Near hits are worth more: the lidar's noise grows with the range.
 std::int32_t weight_of(std::int32_t range_mm) {
   const std::int32_t decimetres = range_mm / 100;
-  return std::max(1, 8 * 400 / (400 + decimetres * decimetres));
+  return std::max<std::int32_t>(1, 8 * 400 / (400 + decimetres * decimetres));
 }
 
 }  // namespace

@@ -90,6 +90,12 @@ struct RevolutionTimes {
 
 }  // namespace
 
+Pose to_pose(const TruePose& pose) {
+  return {{static_cast<std::int32_t>(std::lround(pose.x_m * 1e6)),
+           static_cast<std::int32_t>(std::lround(pose.y_m * 1e6))},
+          BinaryAngle::from_radians(pose.heading_rad)};
+}
+
 SensorNoise SensorNoise::preset(const std::string& name) {
   SensorNoise noise{OdometryNoise::preset(name), LidarModel{}, 0};
   if (name == "none") noise.lidar = LidarModel::preset("none");

@@ -14,6 +14,9 @@
 
 namespace ivfm::host {
 
+// Rounded to micrometres and binary angles.
+Pose to_pose(const TruePose& pose);
+
 struct WheelSample {
   TimeUs arrived_us = 0, measured_us = 0;
   std::int32_t left = 0, right = 0;  // encoder counts

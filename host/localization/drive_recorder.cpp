@@ -87,12 +87,6 @@ struct MapFrame {
   }
 };
 
-Pose rounded(const TruePose& pose) {
-  return {{static_cast<std::int32_t>(std::lround(pose.x_m * 1e6)),
-           static_cast<std::int32_t>(std::lround(pose.y_m * 1e6))},
-          BinaryAngle::from_radians(pose.heading_rad)};
-}
-
 class Recorder {
  public:
   Recorder(std::shared_ptr<const World> world, const TruePose& start, std::uint64_t seed)
@@ -102,7 +96,7 @@ class Recorder {
     lidar_.set_beam_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
     serial_.set_now(clock_.now);
     AgentConfig config = make_agent_config({}, RobotProfile::kCellUm, 1);
-    config.start = rounded(frame_.from_world(start));
+    config.start = to_pose(frame_.from_world(start));
     log_.start = config.start;
     log_.wheels = config.wheels.geometry;
     listener_.emplace(listening_, config.lidar);
@@ -158,7 +152,7 @@ class Recorder {
   }
 
   void measure(std::span<ScanPoint> beams) {
-    const Pose pose = rounded(body_.pose());
+    const Pose pose = to_pose(body_.pose());
     for (ScanPoint& beam : beams) {
       const std::int32_t range_um =
           rays_.cast_um(pose.position, pose.heading + beam.bearing, kLidarRangeUm);

@@ -86,12 +86,6 @@ class MatchingEstimator final : public PoseEstimator {
   Scan raw_{}, scan_{};
 };
 
-double thread_cpu_s() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
-}
-
 void summarize(Assessment& result) {
   double squares = 0, turn_squares = 0;
   for (const PoseError& e : result.errors) {
@@ -113,6 +107,12 @@ std::unique_ptr<PoseEstimator> make_estimator(const std::string& name, const Dri
   if (name == "icp-slam") return make_icp_slam(log);
   throw std::invalid_argument("estimator '" + name +
                               "' is unknown: use odometry, matching or icp-slam");
+}
+
+double thread_cpu_s() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
 }
 
 Assessment assess(const DriveLog& log, PoseEstimator& estimator) {

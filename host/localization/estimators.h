@@ -39,6 +39,9 @@ struct Assessment {
   std::string remark;
 };
 
+// Processor time of this thread so far.
+double thread_cpu_s();
+
 // Feeds `log` to `estimator` as the robot would have got it.
 Assessment assess(const DriveLog& log, PoseEstimator& estimator);
 

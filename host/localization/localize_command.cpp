@@ -14,6 +14,8 @@
 #include "host/evaluation/text_table.h"
 #include "host/localization/drive_recorder.h"
 #include "host/localization/estimators.h"
+#include "host/localization/recorded_map.h"
+#include "host/simulator/rawlog_replay.h"
 
 namespace ivfm::host {
 namespace {
@@ -26,6 +28,8 @@ struct LocalizeOptions {
   double metres = 100;
   std::string logs;    // folder of recorded drives
   std::string errors;  // CSV
+  std::string rawlog;  // instead of simulated drives
+  std::string map;     // PNG
   bool each = false;
   bool json = false;
 };
@@ -145,6 +149,24 @@ class Study {
                    {}};
 };
 
+// A real recording: nobody knows the truth, but walls show it.
+int map_rawlog(const LocalizeOptions& options) {
+  const DriveLog log = to_drive_log(load_rawlog(options.rawlog));
+  std::vector<RecordedMap> maps;
+  TextTable table{{"estimator", "obstacle cells", "known cells", "CPU [ms/scan]"}, {}};
+  for (const std::string& name : options.estimators) {
+    const RecordedMap& map = maps.emplace_back(map_of(log, name));
+    table.rows.push_back(
+        {{name},
+         {std::to_string(map.obstacle_cells)},
+         {std::to_string(map.known_cells)},
+         {fixed(1000 * map.cpu_s / static_cast<double>(log.revolutions.size()), 2)}});
+  }
+  std::fputs(table.to_text().c_str(), stdout);
+  if (!options.map.empty()) write_maps(options.map, maps);
+  return 0;
+}
+
 }  // namespace
 
 void add_localize_command(CLI::App& app, CommandAction& action) {
@@ -164,12 +186,20 @@ void add_localize_command(CLI::App& app, CommandAction& action) {
       ->capture_default_str();
   command->add_option("--logs", options->logs, "Keep recorded drives in this folder, and use them");
   command->add_option("--errors", options->errors, "Write every error, 10 a second, as CSV");
+  auto* rawlog = command->add_option("--rawlog", options->rawlog,
+                                     "An MRPT rawlog instead: how thin are the walls of its map?");
+  command->add_option("--map", options->map, "Write the maps of --rawlog side by side as PNG")
+      ->needs(rawlog);
   command->add_flag("--each", options->each, "A line for each drive, on standard error");
   command->add_flag("--json", options->json, "Report as JSON");
   command->footer(
       "Example:\n  ivfm localize --noise turtlebot harsh --estimator odometry matching icp-slam\n"
       "All methods get the same recorded drives; CPU is a share of the time driven, on one core.");
-  command->callback([options, &action] { action = [options] { return Study(*options).run(); }; });
+  command->callback([options, &action] {
+    action = [options] {
+      return options->rawlog.empty() ? Study(*options).run() : map_rawlog(*options);
+    };
+  });
 }
 
 }  // namespace ivfm::host

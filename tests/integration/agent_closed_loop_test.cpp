@@ -91,6 +91,7 @@ AgentOptions burger_options() {
   AgentOptions options;
   options.start_x_m = 0.5;
   options.start_y_m = 0.5;
+  options.localization = LocalizationChoice::kMatching;
   return options;
 }
 

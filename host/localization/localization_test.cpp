@@ -1,0 +1,73 @@
+// The robot's localization on a short recorded drive, with sensors from exact to bad.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "host/localization/drive_recorder.h"
+#include "host/localization/estimators.h"
+
+namespace ivfm::host {
+namespace {
+
+class ShortDrive : public testing::Test {
+ protected:
+  static const DriveLog& drive() {
+    static const DriveLog log = record_drive({.world = "corridor", .seed = 3, .metres = 15});
+    return log;
+  }
+  static Assessment assess_with(const SensorNoise& noise, const std::string& estimator) {
+    const DriveLog log = with_noise(drive(), noise, 5);
+    return assess(log, *make_estimator(estimator, log));
+  }
+  static Assessment assess_with(const std::string& preset, const std::string& estimator) {
+    return assess_with(SensorNoise::preset(preset), estimator);
+  }
+};
+
+TEST_F(ShortDrive, ExactOdometryIsExact) {
+  EXPECT_GT(drive().driven_m, 14.9);
+  EXPECT_LT(assess_with("none", "odometry").max_m, 0.005);
+}
+
+TEST_F(ShortDrive, MatchingCostsLittleWhereOdometryIsExact) {
+  const Assessment found = assess_with("none", "matching");
+  EXPECT_LT(found.rms_m, 0.03);
+  EXPECT_LT(found.rms_deg, 0.5);
+}
+
+TEST_F(ShortDrive, MatchingHoldsTheAimUnderNoise) {
+  const Assessment turtlebot = assess_with("turtlebot", "matching");
+  EXPECT_LT(turtlebot.rms_m, 0.08);
+  EXPECT_LT(turtlebot.rms_deg, 1);
+  EXPECT_LT(turtlebot.max_m, 0.30);
+  EXPECT_LT(turtlebot.rms_m, assess_with("turtlebot", "odometry").rms_m / 2);
+  const Assessment harsh = assess_with("harsh", "matching");
+  EXPECT_LT(harsh.rms_m, 0.15);
+  EXPECT_LT(harsh.rms_deg, 2);
+}
+
+TEST_F(ShortDrive, AThirdOfWrongPointsDoesNotMislead) {
+  SensorNoise noise = SensorNoise::preset("turtlebot");
+  noise.wrong_points = 0.33;
+  EXPECT_LT(assess_with(noise, "matching").rms_m, 0.10);
+}
+
+TEST_F(ShortDrive, ComesBackFromAFileAsItWas) {
+  const auto path = std::filesystem::path(testing::TempDir()) / "localization_test.drive";
+  save_drive_log(path, drive());
+  const DriveLog log = load_drive_log(path);
+  std::filesystem::remove(path);
+  ASSERT_EQ(log.revolutions.size(), drive().revolutions.size());
+  EXPECT_EQ(assess(log, *make_estimator("matching", log)).rms_m,
+            assess_with("none", "matching").rms_m);
+  EXPECT_THROW((void)load_drive_log(path), std::runtime_error);
+}
+
+TEST(DriveRecorder, RefusesWhatItDoesNotKnow) {
+  EXPECT_THROW((void)record_drive({.world = "moon"}), std::invalid_argument);
+  EXPECT_THROW((void)make_estimator("guess", {}), std::invalid_argument);
+  EXPECT_THROW((void)SensorNoise::preset("awful"), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace ivfm::host
