@@ -58,7 +58,8 @@ void spoil(ScanPoint& point, const SensorNoise& noise, std::mt19937_64& random) 
     return;
   }
   const double measured_m = wrong ? anywhere_m : range_m + error;
-  point.range_mm = static_cast<std::uint16_t>(std::clamp(measured_m * 1000, 1.0, 12'000.0));
+  point.range_mm =
+      static_cast<std::uint16_t>(std::lround(std::clamp(measured_m * 1000, 1.0, 12'000.0)));
 }
 
 template <typename T>
