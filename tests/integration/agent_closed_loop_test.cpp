@@ -87,11 +87,11 @@ class SimulatedClock final : public Clock {
   TimeUs now = 0;
 };
 
-AgentOptions burger_options() {
+AgentOptions burger_options(LocalizationChoice localization) {
   AgentOptions options;
   options.start_x_m = 0.5;
   options.start_y_m = 0.5;
-  options.localization = LocalizationChoice::kMatching;
+  options.localization = localization;
   return options;
 }
 
@@ -100,12 +100,12 @@ class AgentInARoom : public testing::Test {
   using TestedAgent = AgentFor<McuProfile>;
   enum End : std::size_t { kAgentEnd, kDrivesEnd, kListenerEnd };
 
-  AgentInARoom() {
+  explicit AgentInARoom(LocalizationChoice localization = LocalizationChoice::kOdometry) {
     rplidar_.set_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
     clock_.now = now_us_;
     serial_.set_now(now_us_);
     agent_ = std::make_unique<TestedAgent>(
-        make_agent_config(burger_options(), McuProfile::kCellUm, 1),
+        make_agent_config(burger_options(localization), McuProfile::kCellUm, 1),
         AgentPorts{lidar_port_, wire_.end(kAgentEnd), radio_, clock_});
   }
 
@@ -323,7 +323,19 @@ TEST_F(AgentInARoom, StopsWhenTimeGoesBackAndRecovers) {
   expect_drives_again();
 }
 
-TEST_F(AgentInARoom, FindsItsPlaceAgainAfterBeingCarriedAway) {
+class MatchingAgentInARoom : public AgentInARoom {
+ protected:
+  MatchingAgentInARoom() : AgentInARoom(LocalizationChoice::kMatching) {}
+};
+
+TEST_F(MatchingAgentInARoom, ExploresTheWholeRoom) {
+  EXPECT_TRUE(run_until([&] { return agent().state() == RobotState::kExplored; }, 240 * kSecondUs));
+  EXPECT_EQ(agent().localization().counters().lost, 0u);
+  EXPECT_EQ(body_.collisions(), 0);
+  EXPECT_EQ(allocations_, 0u);
+}
+
+TEST_F(MatchingAgentInARoom, FindsItsPlaceAgainAfterBeingCarriedAway) {
   ASSERT_TRUE(
       run_until([&] { return agent().odometry().travelled_um() > 2'000'000; }, 120 * kSecondUs));
   const std::uint32_t fused = agent().progress().scans_fused;
@@ -347,7 +359,7 @@ TEST_F(AgentInARoom, FindsItsPlaceAgainAfterBeingCarriedAway) {
   EXPECT_EQ(body_.collisions(), 0);
 }
 
-TEST_F(AgentInARoom, SaysThatItIsLostInAPlaceThatIsNotInItsMap) {
+TEST_F(MatchingAgentInARoom, SaysThatItIsLostInAPlaceThatIsNotInItsMap) {
   drive_off();
   const std::uint32_t fused = agent().progress().scans_fused;
   // Another room: round, 3 m across.
