@@ -215,12 +215,13 @@ std::optional<FrontierGoal> Explorer::next_frontier() const {
     const std::int32_t least = config_.region_cells * config_.region_cells / 16;
     if (const auto rich = richest_region(map_, paths_, config_.region_cells, least)) return rich;
   }
+  const auto nearest = [this](int size) {
+    return nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(), size);
+  };
   // Slits along walls are collected last: they cost as much driving as doorways do.
-  for (const int size : {config_.wide_frontier_size, config_.min_frontier_size}) {
-    const auto frontier = nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(), size);
-    if (frontier) return frontier;
-  }
-  return std::nullopt;
+  const auto wide = nearest(config_.wide_frontier_size);
+  const bool looked_at_all = config_.wide_frontier_size <= config_.min_frontier_size;
+  return wide || looked_at_all ? wide : nearest(config_.min_frontier_size);
 }
 
 // Whether there is still something to see at what was chosen to be looked at.
