@@ -68,6 +68,8 @@ def check_drawing(browser, database):
     counted = [c for c in palette[1:browser.run("return ivfmPage.view.scaleEnd") + 1]]
     # Eight bits a channel tell no more than so many steps of the scale apart.
     assert len(set(counted)) >= min(len(counted), 64), "counts of visits share too few colours"
+    runs = [colour for i, colour in enumerate(counted) if i == 0 or colour != counted[i - 1]]
+    assert len(set(runs)) == len(runs), "counts of visits that are far apart share a colour"
     assert wall not in counted
     cells = 0
     for (x, y), (visits, obstacles) in expected.items():
