@@ -305,7 +305,7 @@ void simulate(const Options& options) {
   Run run(std::move(scenario), simulation, bus, memory, options.monitor);
   while (run.wait()) {
     run.tick();
-    truth.record(simulation);
+    truth.record(simulation, 0);
   }
   const host::RobotBody& body = simulation.robots().front()->body();
   std::printf("driven %.2f m, %d collisions, %.1f s\n", body.travelled_m(), body.collisions(),

@@ -137,6 +137,14 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
   command->add_option("--odometry-noise", options->odometry_noise, "none, mild, turtlebot or harsh")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));
+  command->add_option("--lidar-noise", options->lidar_noise, "none or mild")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "mild"}));
+  command
+      ->add_option("--localization", options->localization,
+                   "odometry, or matching: scans against the map correct it")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"odometry", "matching"}));
   command->add_option("--fault", options->faults,
                       "as of ivfm sim, such as lidar-silence@12s+3s; repeatable");
   command->add_flag("--record-scans", options->record_scans,

@@ -60,6 +60,23 @@ std::vector<Trajectory> true_paths(const std::vector<TruthRow>& truth) {
   return out;
 }
 
+// The truth at the run's own times.
+std::vector<TrueSample> samples_of(const std::vector<TruthRow>& truth, RunDatabase& database) {
+  const auto micro = [](double metres) {
+    return static_cast<std::int32_t>(std::lround(metres * 1e6));
+  };
+  std::vector<TrueSample> samples;
+  for (const TruthRow& row : truth) {
+    const std::int64_t time_us = database.time_at(row.unix_us);
+    if (time_us < 0) continue;
+    samples.push_back({time_us,
+                       static_cast<std::uint16_t>(row.robot),
+                       {{micro(row.pose.x_m), micro(row.pose.y_m)},
+                        BinaryAngle::from_radians(row.pose.heading_rad)}});
+  }
+  return samples;
+}
+
 std::uint64_t sum(const std::vector<AgentReport>& agents, std::uint64_t AgentReport::*member) {
   return std::accumulate(
       agents.begin(), agents.end(), std::uint64_t{0},
@@ -135,7 +152,9 @@ DemoResult DemoRun::run() {
   fleet.stop();
   DemoResult result = judge(fleet);
   save_outcome(result);
-  result.figures_agree = figures_agree(result, load_run(options_.out / "run.db"));
+  const RunData run = load_run(options_.out / "run.db");
+  result.figures_agree = figures_agree(result, run);
+  result.pose_errors = over_all(run.pose_errors);
   write_report(result, write_pictures(result));
   print_table(result);
   return result;
@@ -175,7 +194,8 @@ FleetOptions DemoRun::fleet_options() const {
   }
   fleet.simulator_arguments = {"--world",          options_.world.name,
                                "--seed",           std::to_string(options_.world.seed),
-                               "--odometry-noise", options_.odometry_noise};
+                               "--odometry-noise", options_.odometry_noise,
+                               "--lidar-noise",    options_.lidar_noise};
   if (options_.world.resolution_m) {
     fleet.simulator_arguments.emplace_back("--resolution");
     fleet.simulator_arguments.emplace_back(text_of("%.9g", *options_.world.resolution_m));
@@ -192,6 +212,7 @@ FleetOptions DemoRun::fleet_options() const {
     fleet.simulator_arguments.emplace_back(fault);
   }
   fleet.agent_arguments = {"--profile",      "robot",
+                           "--localization", options_.localization,
                            "--visit-range",  text_of("%.9g", options_.visit_range_m),
                            "--robot-radius", text_of("%.9g", world_.body.radius_m),
                            "--wheel-radius", text_of("%.9g", world_.body.wheel_radius_m),
@@ -403,6 +424,7 @@ void DemoRun::save_outcome(const DemoResult& result) const {
   database.save_outcome("pe", result.scores.pixels_per_metre);
   database.save_outcome("overlap", result.scores.overlap);
   database.save_outcome("maps_equal", result.comparison.equal() ? 1 : 0);
+  database.save_truth(samples_of(result.truth, database));
   database.commit();
 }
 
@@ -469,6 +491,9 @@ void DemoRun::print_table(const DemoResult& result) const {
   std::printf("\n%.1f %% explored in %.0f s, RER %.2f, PE %.0f, overlap %.1f %%\n",
               scores.coverage * 100, result.simulated_s, scores.repeat_rate,
               scores.pixels_per_metre, scores.overlap * 100);
+  const PoseErrors& errors = result.pose_errors;
+  std::printf("robots believed to be %.3f m (rms) from where they were, %.3f m at most, %.2f deg\n",
+              errors.rms_m, errors.largest_m, errors.rms_deg);
   std::printf("%s: %s\n", goal_text().c_str(), yes_no(result.goal_reached));
   std::printf("no collision: %s (%d)\n", yes_no(result.collisions == 0), result.collisions);
   std::printf("server's map is the sum of the robots' maps: %s (%llu cells compared)%s%s\n",

@@ -30,7 +30,9 @@ struct DemoOptions {
   double until = 0.5;         // share of the explorable cells
   double time_limit_s = 400;  // simulated
   double visit_range_m = 3;
+  std::string localization = "odometry";  // or matching
   std::string odometry_noise = "none";
+  std::string lidar_noise = "mild";
   std::vector<std::string> faults;
   bool record_scans = false;
   std::string radio;               // faults between robots and server, as of ivfm radio
@@ -58,6 +60,7 @@ struct DemoResult {
   double real_s = 0;
   bool goal_reached = false;
   bool figures_agree = false;  // with those that the log tools compute from the database
+  PoseErrors pose_errors;      // of all robots
   std::string failure;         // of a process, empty when all ended properly
 
   bool good() const {

@@ -60,6 +60,10 @@ double median_decision_ms(const RunData& run) {
 }
 
 std::vector<NamedFigure> figures_of(const RunData& run) {
+  const PoseErrors errors = over_all(run.pose_errors);
+  const auto if_known = [&errors](double value) {
+    return errors.poses == 0 ? std::nullopt : std::optional(value);
+  };
   return {{"time_s", "s", run.time_s},
           {"explored_m2", "m²", run.scores.explored_m2},
           {"coverage", "", outcome(run, "coverage")},
@@ -74,7 +78,11 @@ std::vector<NamedFigure> figures_of(const RunData& run) {
           {"decision_ms", "ms", median_decision_ms(run)},
           {"seen_half_after_s", "s", time_of_share(run, 0.5)},
           {"seen_90_percent_after_s", "s", time_of_share(run, 0.9)},
-          {"lost_robot_time_s", "s", lost_time(run)}};
+          {"lost_robot_time_s", "s", lost_time(run)},
+          {"position_error_rms_m", "m", if_known(errors.rms_m)},
+          {"position_error_largest_m", "m", if_known(errors.largest_m)},
+          {"heading_error_rms_deg", "°", if_known(errors.rms_deg)},
+          {"heading_error_largest_deg", "°", if_known(errors.largest_deg)}};
 }
 
 std::string number(std::optional<double> value) {
@@ -118,6 +126,14 @@ Json to_json(const RunData& run) {
                               {"bytes_out", robot.traffic.bytes_out},
                               {"visit_bytes", robot.traffic.layers[0].bytes},
                               {"obstacle_bytes", robot.traffic.layers[1].bytes}});
+  }
+  for (Json& robot : json["robots"]) {
+    const auto found = run.pose_errors.find(robot["robot"].get<std::uint16_t>());
+    if (found == run.pose_errors.end()) continue;
+    robot["position_error_rms_m"] = found->second.rms_m;
+    robot["position_error_largest_m"] = found->second.largest_m;
+    robot["heading_error_rms_deg"] = found->second.rms_deg;
+    robot["heading_error_largest_deg"] = found->second.largest_deg;
   }
   json["warnings"] = run.warnings;
   return json;

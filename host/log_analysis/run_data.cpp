@@ -83,6 +83,8 @@ class RunReader {
     attempt("a part of its traffic", [this] { read_traffic(); });
     attempt("a part of its goals", [this] { read_goals(); });
     attempt("a part of its progress", [this] { read_progress(); });
+    attempt("where its robots really were",
+            [this] { run_.pose_errors = load_pose_errors(connection_, kMostCurvePoints); });
     attempt("a part of its map", [this] { read_tiles(); });
     finish();
     return std::move(run_);

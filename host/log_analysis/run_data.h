@@ -13,6 +13,7 @@
 
 #include "host/demo/run_scores.h"
 #include "host/log_analysis/map_picture.h"
+#include "host/log_analysis/pose_errors.h"
 #include "host/map_server/map_reader.h"
 #include "host/map_server/run_database.h"
 
@@ -96,7 +97,8 @@ struct RunData {
   std::array<double, 9> visits_m2{};
   // What the run's own judge said, who knew the world: `ivfm demo` (docs/run_database.md).
   std::map<std::string, double> outcome;
-  LayerMap map;  // merged
+  std::map<std::uint16_t, PoseErrors> pose_errors;  // by robot; empty where nobody knew the truth
+  LayerMap map;                                     // merged
   Warnings warnings;
 
   std::uint64_t actions() const;

@@ -393,6 +393,31 @@ void RunDatabase::save_outcome(std::string_view key, double value) {
   statement("REPLACE INTO outcome VALUES (?, ?)").bind(key).bind(value).run();
 }
 
+void RunDatabase::save_truth(std::span<const TrueSample> samples) {
+  connection_.execute(
+      "CREATE TABLE IF NOT EXISTS truth (robot INTEGER NOT NULL, time_us INTEGER NOT NULL, "
+      "x_um INTEGER NOT NULL, y_um INTEGER NOT NULL, heading INTEGER NOT NULL, "
+      "PRIMARY KEY (robot, time_us)) WITHOUT ROWID");
+  for (const TrueSample& sample : samples) {
+    statement("REPLACE INTO truth VALUES (?, ?, ?, ?, ?)")
+        .bind(std::int64_t{sample.robot})
+        .bind(sample.time_us)
+        .bind(std::int64_t{sample.pose.position.x_um})
+        .bind(std::int64_t{sample.pose.position.y_um})
+        .bind(std::int64_t{sample.pose.heading.raw()})
+        .run();
+  }
+}
+
+std::int64_t RunDatabase::time_at(std::int64_t unix_time_us) {
+  SqliteStatement newest(connection_,
+                         "SELECT started_unix_us, start_time_us, time_scale FROM sessions "
+                         "ORDER BY session DESC LIMIT 1");
+  if (!newest.row()) return -1;
+  const auto real_us = static_cast<double>(unix_time_us - newest.integer(0));
+  return newest.integer(1) + static_cast<std::int64_t>(real_us * newest.real(2));
+}
+
 void RunDatabase::add_pose(std::int64_t time_us, std::uint16_t robot, const Pose& pose) {
   statement("INSERT INTO poses VALUES (?, ?, ?, ?, ?)")
       .bind(time_us)

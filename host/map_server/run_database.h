@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -41,6 +42,12 @@ struct TrafficCounters {
 
 // Of a tile's cells, in their order.
 using FirstSeen = std::array<std::uint32_t, kTileCells>;
+
+struct TrueSample {
+  std::int64_t time_us = 0;
+  std::uint16_t robot = 0;
+  Pose pose;
+};
 
 struct RobotRecord {
   std::uint16_t robot = 0;
@@ -92,6 +99,10 @@ class RunDatabase {
   void save_first_seen(const TileKey& key, const FirstSeen& seen);
   // What a judge who knows the world says of the run.
   void save_outcome(std::string_view key, double value);
+  // Where the robots really were, told by the same judge; the table is there only after this.
+  void save_truth(std::span<const TrueSample> samples);
+  // The run's time in the newest session at a time of the wall clock; before the run began: < 0.
+  std::int64_t time_at(std::int64_t unix_time_us);
   void add_pose(std::int64_t time_us, std::uint16_t robot, const Pose& pose);
   void add_goal(std::int64_t time_us, std::uint16_t robot, Cell goal);
   void add_status(std::int64_t time_us, std::uint16_t robot, const RobotStatus& status);

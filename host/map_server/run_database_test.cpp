@@ -74,6 +74,20 @@ TEST_F(RunDatabaseTest, EverySessionHasAGreaterEpoch) {
   EXPECT_EQ(database.begin_session(2000000000000000, 1.0), 2000000000u);
 }
 
+TEST_F(RunDatabaseTest, KeepsTheTruthAtTheRunsTimes) {
+  RunDatabase database(path_);
+  EXPECT_LT(database.time_at(0), 0);
+  database.begin_session(5'000'000, 4.0);
+  EXPECT_EQ(database.time_at(5'500'000), 2'000'000);
+  EXPECT_LT(database.time_at(4'000'000), 0);
+  EXPECT_THROW(count("SELECT count(*) FROM truth"), DatabaseError);
+  const TrueSample samples[] = {{10, 2, {{3, -4}, BinaryAngle(std::uint16_t{5})}}, {20, 2, {}}};
+  database.save_truth(samples);
+  database.save_truth(samples);
+  EXPECT_EQ(count("SELECT count(*) FROM truth"), 2);
+  EXPECT_EQ(count("SELECT y_um FROM truth WHERE time_us = 10"), -4);
+}
+
 TEST_F(RunDatabaseTest, WhatIsNotCommittedIsNotThere) {
   {
     RunDatabase database(path_);

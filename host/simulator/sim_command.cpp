@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
@@ -142,11 +143,20 @@ class Pacer {
     return now_us;
   }
 
+  // The wall clock's time at a moment of the simulation.
+  std::int64_t unix_us_at(TimeUs simulated_us) const {
+    return start_unix_us_ +
+           static_cast<std::int64_t>(static_cast<double>(simulated_us) / time_scale_);
+  }
+
   double largest_lag_ms() const { return static_cast<double>(largest_lag_us_) / 1e3 / time_scale_; }
 
  private:
   double time_scale_;
   LinuxClock clock_;
+  std::int64_t start_unix_us_ = std::chrono::duration_cast<std::chrono::microseconds>(
+                                    std::chrono::system_clock::now().time_since_epoch())
+                                    .count();
   TimeUs largest_lag_us_ = 0;
 };
 
@@ -251,7 +261,7 @@ int simulate(SimOptions options) {
   ProgressLine progress(static_cast<std::uint64_t>(options.duration_s), "simulated seconds");
   while (!g_stop && simulation.now_us() < end_us) {
     simulation.advance_to(std::min(end_us, pacer.wait_for_tick(simulation.now_us())));
-    if (truth) truth->record(simulation);
+    if (truth) truth->record(simulation, pacer.unix_us_at(simulation.now_us()));
     collisions.report(simulation);
     if (options.duration_s > 0) progress(simulation.now_us() / 1'000'000);
   }

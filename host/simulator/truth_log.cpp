@@ -8,7 +8,7 @@
 namespace ivfm::host {
 namespace {
 
-constexpr const char* kHeader = "time_s,robot,x_m,y_m,heading_deg,travelled_m,collisions";
+constexpr const char* kHeader = "time_s,robot,x_m,y_m,heading_deg,travelled_m,collisions,unix_us";
 
 }  // namespace
 
@@ -17,16 +17,16 @@ TruthLog::TruthLog(const std::filesystem::path& path) : path_(path), out_(path, 
   if (!out_) throw std::runtime_error("truth log " + path.string() + " cannot be written");
 }
 
-void TruthLog::record(const Simulation& simulation) {
+void TruthLog::record(const Simulation& simulation, std::int64_t unix_us) {
   if (simulation.now_us() < next_us_) return;
   next_us_ = simulation.now_us() + kPeriodUs;
   char line[160];
   for (const auto& robot : simulation.robots()) {
     const RobotBody& body = robot->body();
-    std::snprintf(line, sizeof line, "%.3f,%d,%.4f,%.4f,%.2f,%.4f,%d\n",
+    std::snprintf(line, sizeof line, "%.3f,%d,%.4f,%.4f,%.2f,%.4f,%d,%lld\n",
                   static_cast<double>(simulation.now_us()) / 1e6, robot->number(), body.pose().x_m,
                   body.pose().y_m, body.pose().heading_rad * 180 / M_PI, body.travelled_m(),
-                  body.collisions());
+                  body.collisions(), static_cast<long long>(unix_us));
     out_ << line;
   }
   out_.flush();
@@ -44,10 +44,12 @@ std::vector<TruthRow> read_truth_log(const std::filesystem::path& path) {
   while (std::getline(in, line) && !in.eof()) {
     TruthRow row;
     double heading_deg = 0;
-    const int fields =
-        std::sscanf(line.c_str(), "%lf,%d,%lf,%lf,%lf,%lf,%d", &row.time_s, &row.robot,
-                    &row.pose.x_m, &row.pose.y_m, &heading_deg, &row.travelled_m, &row.collisions);
-    if (fields != 7 || row.robot < 1) continue;
+    long long unix_us = 0;
+    const int fields = std::sscanf(line.c_str(), "%lf,%d,%lf,%lf,%lf,%lf,%d,%lld", &row.time_s,
+                                   &row.robot, &row.pose.x_m, &row.pose.y_m, &heading_deg,
+                                   &row.travelled_m, &row.collisions, &unix_us);
+    if (fields != 8 || row.robot < 1) continue;
+    row.unix_us = unix_us;
     row.pose.heading_rad = heading_deg * M_PI / 180;
     rows.push_back(row);
   }

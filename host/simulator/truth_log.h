@@ -1,6 +1,7 @@
 // The true motion of simulated robots as CSV: what really happened, to judge what agents believe.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <vector>
@@ -9,14 +10,15 @@
 
 namespace ivfm::host {
 
-// One row: time_s,robot,x_m,y_m,heading_deg,travelled_m,collisions (map frame; times of the
-// simulation). The file begins with a row of these names.
+// One row: time_s,robot,x_m,y_m,heading_deg,travelled_m,collisions,unix_us (map frame; times of the
+// simulation, and of the wall clock at that moment). The file begins with a row of these names.
 struct TruthRow {
   double time_s = 0;
   int robot = 0;  // 1 ..
   TruePose pose;
   double travelled_m = 0;
   int collisions = 0;
+  std::int64_t unix_us = 0;  // 0: the simulation has its own time
 };
 
 class TruthLog {
@@ -25,8 +27,8 @@ class TruthLog {
 
   // Throws std::runtime_error when `path` cannot be written.
   explicit TruthLog(const std::filesystem::path& path);
-  // Writes a row a robot when the period is over.
-  void record(const Simulation& simulation);
+  // Writes a row a robot when the period is over. `unix_us`: as in TruthRow.
+  void record(const Simulation& simulation, std::int64_t unix_us);
 
  private:
   std::filesystem::path path_;

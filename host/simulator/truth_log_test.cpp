@@ -30,7 +30,7 @@ TEST_F(TruthLogTest, WritesEachRobotTenTimesASecond) {
     TruthLog log(folder_ / "truth.csv");
     for (TimeUs now = 5'000; now <= 1'000'000; now += 5'000) {
       simulation.advance_to(now);
-      log.record(simulation);
+      log.record(simulation, 1'700'000'000'000'000 + static_cast<std::int64_t>(now));
     }
   }
   const auto rows = read_truth_log(folder_ / "truth.csv");
@@ -40,12 +40,13 @@ TEST_F(TruthLogTest, WritesEachRobotTenTimesASecond) {
   EXPECT_DOUBLE_EQ(rows[1].pose.y_m, -0.5);
   EXPECT_NEAR(rows[1].pose.heading_rad, M_PI / 2, 1e-4);
   EXPECT_NEAR(rows[2].time_s - rows[0].time_s, 0.1, 1e-9);
+  EXPECT_EQ(rows[2].unix_us - rows[0].unix_us, 100'000);
 }
 
 TEST_F(TruthLogTest, LeavesOutDamagedRowsAndRefusesOtherFiles) {
   std::ofstream(folder_ / "cut.csv")
-      << "time_s,robot,x_m,y_m,heading_deg,travelled_m,collisions\n"
-         "0.1,1,2,3,90,0.5,0\n0.2,x\n\n0.3,2,1,1,0,0,1\n0.4,1,5,5,0,0,";
+      << "time_s,robot,x_m,y_m,heading_deg,travelled_m,collisions,unix_us\n"
+         "0.1,1,2,3,90,0.5,0,7\n0.2,x\n\n0.3,2,1,1,0,0,1,9\n0.4,1,5,5,0,0,0,1";
   const auto rows = read_truth_log(folder_ / "cut.csv");
   ASSERT_EQ(rows.size(), 2u);
   EXPECT_EQ(rows[1].collisions, 1);
