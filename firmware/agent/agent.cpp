@@ -80,7 +80,9 @@ void Agent::sense_surroundings(TimeUs now_us) {
   pose_at_scan_ = localization_.pose_at(measured_us);
   has_scan_ = new_scan_ = true;
   if (!localization_.trusted()) return;  // paint nothing at a place that is in doubt
+  const TimeUs before = clock_.now_us();
   const ViewStatistics seen = explorer_.fuse(pose_at_scan_, scan_);
+  fusion_time_us_ = static_cast<std::uint32_t>(clock_.now_us() - before);
   if (localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
   progress_.newly_seen_cells += seen.newly_seen_cells;
   ++progress_.scans_fused;

@@ -95,7 +95,9 @@ class Agent {
   // The last revolution, corrected for motion.
   const Scan& last_scan() const { return scan_; }
   const Velocity& commanded() const { return commanded_; }
+  // How long the last decision, and the fusion of the last revolution, took.
   std::uint32_t decision_time_us() const { return decision_time_us_; }
+  std::uint32_t fusion_time_us() const { return fusion_time_us_; }
 
  private:
   void sense_wheels(TimeUs now_us);
@@ -142,7 +144,7 @@ class Agent {
   Velocity commanded_{};
   TimeUs shared_us_ = 0;
   TimeUs started_us_ = 0;
-  std::uint32_t decision_time_us_ = 0;
+  std::uint32_t decision_time_us_ = 0, fusion_time_us_ = 0;
   bool stop_requested_ = false;
   bool found_ = false;
   AgentProgress progress_{};

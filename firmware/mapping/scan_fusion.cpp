@@ -142,6 +142,7 @@ ViewStatistics ScanFusion::update_visits(ExplorationMap& map, const Pose& pose) 
   const std::int64_t step_ahead = c * frame.cell_um(), step_left = -s * frame.cell_um();
   // A cell on an obstacle's surface lies a little behind the end of the beam.
   const std::int32_t surface_units = (frame.cell_um() * 3 / 4) >> kUnitShift;
+  const std::span<const std::uint8_t> flags = map.layers().flags;
   CellRect counted{};
   ViewStatistics seen;
   for (std::int32_t y = box.y; y < box.top(); ++y) {
@@ -156,8 +157,9 @@ ViewStatistics ScanFusion::update_visits(ExplorationMap& map, const Pose& pose) 
       const auto left = static_cast<std::int32_t>(left_q30 >> 30);
       ahead_q30 += step_ahead;
       left_q30 += step_left;
+      if (flags[i] & cell_flag::kSeenThisAction) continue;
       if (!sees(ahead, left, surface_units)) continue;
-      if (!count_once(map, i, seen)) continue;
+      count(map, i, seen);
       leftmost = std::min(leftmost, x);
       rightmost = x;
     }
@@ -169,11 +171,9 @@ ViewStatistics ScanFusion::update_visits(ExplorationMap& map, const Pose& pose) 
   return seen;
 }
 
-bool ScanFusion::count_once(ExplorationMap& map, std::size_t index, ViewStatistics& seen) {
+void ScanFusion::count(ExplorationMap& map, std::size_t index, ViewStatistics& seen) {
   const MapLayers& layers = map.layers();
-  std::uint8_t& flags = layers.flags[index];
-  if (flags & cell_flag::kSeenThisAction) return false;
-  flags = flags | cell_flag::kSeenThisAction;
+  layers.flags[index] = layers.flags[index] | cell_flag::kSeenThisAction;
   const unsigned before = layers.own_visits[index] + unsigned{layers.peer_visits[index]};
   if (before == 0) {
     ++seen.newly_seen_cells;
@@ -182,7 +182,6 @@ bool ScanFusion::count_once(ExplorationMap& map, std::size_t index, ViewStatisti
     seen.re_seen_penalty_q12 += visit_penalty_q12(before);
   }
   map.count_visit_at(index);
-  return true;
 }
 
 }  // namespace ivfm

@@ -89,7 +89,7 @@ class ScanFusion {
   void update_occupancy(ExplorationMap& map, const Pose& pose, const Scan& scan);
   ViewStatistics update_visits(ExplorationMap& map, const Pose& pose);
   bool sees(std::int32_t ahead, std::int32_t left, std::int32_t surface_units) const;
-  static bool count_once(ExplorationMap& map, std::size_t index, ViewStatistics& seen);
+  static void count(ExplorationMap& map, std::size_t index, ViewStatistics& seen);
 
   FusionConfig config_;
   VisibilityProfile profile_;

@@ -136,6 +136,7 @@ int run(const char* replay_path, const char* model_path, const Options& options)
               summary.frames_sent, summary.unused_steps);
   if (options.count && virtual_time() != nullptr) {
     print_work("decisions", summary.decision_work);
+    print_work("fusing a revolution", summary.fusion_work);
     print_work("steps that fuse a revolution", summary.scan_work);
     print_work("other steps", summary.step_work);
   }

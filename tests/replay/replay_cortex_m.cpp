@@ -85,6 +85,7 @@ void print_summary(const ReplaySummary& summary) {
   print_unsigned(summary.steps);
   print(" steps\n");
   print_work("instructions of decisions", summary.decision_work);
+  print_work("instructions of fusing a revolution", summary.fusion_work);
   print_work("instructions of steps that fuse a revolution", summary.scan_work);
   print_work("instructions of other steps", summary.step_work);
   print("bytes of stack used ");

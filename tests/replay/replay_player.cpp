@@ -78,6 +78,7 @@ void AgentReplay::step(Agent& agent, DecisionListener* listener, ReplaySummary& 
   hash_.add(agent.pose().heading.raw());
   if (agent.progress().actions == before.actions && !explored) {
     (fused ? summary.scan_work : summary.step_work).add(spent);
+    if (fused) summary.fusion_work.add(clock_.last_work());
     return;
   }
   count(summary, agent.decision());

@@ -48,8 +48,9 @@ struct ReplaySummary {
   std::uint32_t unused_steps = 0;  // the agent left input unread: not the agent that was recorded
   std::uint64_t hash = 0;          // of all decisions and of every byte and frame sent
   WorkStatistics decision_work;
-  WorkStatistics scan_work;  // steps that fuse a revolution and decide nothing, in whole
-  WorkStatistics step_work;  // all other steps without a decision
+  WorkStatistics fusion_work;  // fusing a revolution into the map, in steps that decide nothing
+  WorkStatistics scan_work;    // steps that fuse a revolution and decide nothing, in whole
+  WorkStatistics step_work;    // all other steps without a decision
 };
 
 // The hash of a decision: the known part of the map, the state, the Q values, the goal, the path.

@@ -133,7 +133,7 @@ class WorkCounter {
 };
 
 // Answers recorded time, so that decision times are the same everywhere, and notes how much work
-// lies between two questions: the agent asks before and after each decision.
+// lies between two questions: the agent asks before and after each decision and each fusion.
 class ReplayClock final : public Clock {
  public:
   ReplayClock(const StepInput& input, WorkCounter* counter) : input_(input), counter_(counter) {}
