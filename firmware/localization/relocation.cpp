@@ -10,7 +10,7 @@ namespace {
 constexpr std::int32_t kStrideUm = 200'000;  // between places
 constexpr std::int32_t kHeadings = 64;       // at each
 constexpr std::size_t kSamples = 48;         // looked up for each pose
-constexpr std::int32_t kPlacesPerStep = 48;  // 150,000 looks into the map
+constexpr std::size_t kPlacesPerStep = 48;   // 150,000 looks into the map
 constexpr std::int32_t kSamePlaceUm = 400'000;
 constexpr std::int32_t kSameTurn = 2'730;  // 15 degrees
 
@@ -35,32 +35,43 @@ Relocation::Result Relocation::step(const ExplorationMap& map, const SurfaceMap&
   if (next_.y >= region_.top()) return judge(map, surfaces, matcher, scan);
   const std::int32_t stride = std::max<std::int32_t>(1, kStrideUm / map.frame().cell_um());
   matcher.look_at(scan, map.frame().cell_um());
-  std::int32_t skipped = 0;
-  for (std::int32_t tried = 0; tried < kPlacesPerStep && next_.y < region_.top();) {
-    const bool open = map.is_known_free(next_) && !map.is_blocked(next_);
-    if (open) try_place(map, matcher.surfaces(), next_);
-    skipped += open ? 0 : 1;
-    tried += open || skipped % 64 == 0 ? 1 : 0;
+  std::array<Cell, kPlacesPerStep> places;
+  std::size_t count = 0;
+  // Cells that are no places cost little, but something.
+  for (std::size_t seen = 0; count < places.size() && seen < 64 * places.size(); ++seen) {
+    if (next_.y >= region_.top()) break;
+    if (map.is_known_free(next_) && !map.is_blocked(next_)) places[count++] = next_;
     next_.x += stride;
     if (next_.x >= region_.right()) next_ = {region_.x, next_.y + stride};
   }
+  try_places(map, matcher.surfaces(), std::span(places).first(count));
   return Result::kSearching;
 }
 
-// How many samples lie near obstacles, for each heading.
-void Relocation::try_place(const ExplorationMap& map, const ScanSurfaces& scan, Cell cell) {
+// How many samples lie near obstacles, for each heading. A sample is as many cells away from one
+// place as from another, so each is turned only once a heading.
+void Relocation::try_places(const ExplorationMap& map, const ScanSurfaces& scan,
+                            std::span<const Cell> places) {
   const GridFrame& frame = map.frame();
   const auto samples = scan.samples();
   const std::size_t every = samples.size() / kSamples + 1;
+  const Point origin = frame.center_of({0, 0});
+  std::array<Cell, kSamples> offsets;
   for (std::int32_t turn = 0; turn < kHeadings; ++turn) {
-    Candidate candidate{
-        {frame.center_of(cell), BinaryAngle(static_cast<std::uint16_t>(turn * 65536 / kHeadings))},
-        0};
+    const BinaryAngle heading(static_cast<std::uint16_t>(turn * 65536 / kHeadings));
+    std::size_t count = 0;
     for (std::size_t i = 0; i < samples.size(); i += every) {
-      const Cell c = frame.cell_at(transform(candidate.pose, samples[i].x_um, samples[i].y_um));
-      if (frame.contains(c) && map.layers().inflation[frame.index_of(c)] != 0) ++candidate.score;
+      offsets[count++] =
+          frame.cell_at(transform({origin, heading}, samples[i].x_um, samples[i].y_um));
     }
-    keep(candidate);
+    for (const Cell place : places) {
+      Candidate candidate{{frame.center_of(place), heading}, 0};
+      for (const Cell offset : std::span(offsets).first(count)) {
+        const Cell c{place.x + offset.x, place.y + offset.y};
+        if (frame.contains(c) && map.layers().inflation[frame.index_of(c)] != 0) ++candidate.score;
+      }
+      keep(candidate);
+    }
   }
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "firmware/lidar/scan.h"
 #include "firmware/localization/scan_matcher.h"
@@ -35,7 +36,8 @@ class Relocation {
     std::int32_t score = -1;
   };
 
-  void try_place(const ExplorationMap& map, const ScanSurfaces& scan, Cell cell);
+  void try_places(const ExplorationMap& map, const ScanSurfaces& scan,
+                  std::span<const Cell> places);
   void keep(const Candidate& candidate);
   Result judge(const ExplorationMap& map, const SurfaceMap& surfaces, ScanMatcher& matcher,
                const Scan& scan);

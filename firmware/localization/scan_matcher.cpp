@@ -1,6 +1,7 @@
 #include "firmware/localization/scan_matcher.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 
 namespace ivfm {
@@ -13,7 +14,8 @@ constexpr std::int32_t kSearchTurn = 182;     // binary angle units: a degree
 constexpr double kRadiansPerUnit = 6.283185307179586 / 65536;
 // A sample's distance at weight 256 is known to 1 cm.
 constexpr double kInformationPerSample = 1 / (0.01 * 0.01);
-constexpr std::uint16_t kNearWeight = 79;  // 3 m
+constexpr std::uint16_t kNearWeight = 79;    // 3 m
+constexpr std::int32_t kMaxSearchCells = 4;  // along each axis
 
 std::int32_t rounded(double value) {
   return static_cast<std::int32_t>(value + (value < 0 ? -0.5 : 0.5));
@@ -168,38 +170,44 @@ bool ScanMatcher::in_reach(const Pose& pose, const Pose& predicted) const {
          std::abs(int{(pose.heading - predicted.heading).signed_raw()}) <= config_.search_angle;
 }
 
-// How many samples lie in obstacles.
-std::int32_t ScanMatcher::overlap(const Pose& pose) const {
-  std::int32_t count = 0;
-  for (const SurfaceSample& sample : scan_surfaces_.samples()) {
-    const GridFrame& frame = map_->frame();
-    const Cell cell = frame.cell_at(transform(pose, sample.x_um, sample.y_um));
-    if (frame.contains(cell) && map_->layers().occupancy[frame.index_of(cell)] > 0) ++count;
-  }
-  return count;
-}
-
-// The whole reach in steps of a cell and two degrees.
+// The whole reach in steps of a cell and two degrees: where most samples lie in obstacles. Steps of
+// whole cells move all samples by whole cells, so each is turned only once.
 Pose ScanMatcher::search(const Pose& predicted) const {
-  const std::int32_t cell_um = map_->frame().cell_um();
+  const GridFrame& frame = map_->frame();
   const std::int32_t turns = config_.search_angle / (2 * kSearchTurn);
-  const std::int32_t cells = config_.search_um / cell_um;
+  const std::int32_t reach = std::min(kMaxSearchCells, config_.search_um / frame.cell_um());
+  const std::int32_t side = 2 * reach + 1;
+  std::array<std::uint8_t, (2 * kMaxSearchCells + 1) * (2 * kMaxSearchCells + 1)> hits;
+  static_assert(ScanSurfaces::kMaxSamples <= 255);
   Pose best = predicted;
-  std::int32_t most = -1;
+  int most = -1;
   for (std::int32_t turn = -turns; turn <= turns; ++turn) {
-    for (std::int32_t y = -cells; y <= cells; ++y) {
-      for (std::int32_t x = -cells; x <= cells; ++x) {
-        const Pose pose{
-            {predicted.position.x_um + x * cell_um, predicted.position.y_um + y * cell_um},
-            predicted.heading + to_angle(turn * 2 * kSearchTurn)};
-        const std::int32_t count = overlap(pose);
-        if (count <= most) continue;
-        most = count;
-        best = pose;
-      }
+    const Pose turned{predicted.position, predicted.heading + to_angle(turn * 2 * kSearchTurn)};
+    hits.fill(0);
+    for (const SurfaceSample& sample : scan_surfaces_.samples()) {
+      count_hits(frame.cell_at(transform(turned, sample.x_um, sample.y_um)), reach, hits);
+    }
+    for (std::int32_t i = 0; i < side * side; ++i) {
+      if (int{hits[static_cast<std::size_t>(i)]} <= most) continue;
+      most = hits[static_cast<std::size_t>(i)];
+      best = turned;
+      best.position.x_um += (i % side - reach) * frame.cell_um();
+      best.position.y_um += (i / side - reach) * frame.cell_um();
     }
   }
   return best;
+}
+
+// Counts for each step which obstacles a sample in `cell` would lie in.
+void ScanMatcher::count_hits(Cell cell, std::int32_t reach, std::span<std::uint8_t> hits) const {
+  const GridFrame& frame = map_->frame();
+  std::size_t i = 0;
+  for (std::int32_t y = cell.y - reach; y <= cell.y + reach; ++y) {
+    for (std::int32_t x = cell.x - reach; x <= cell.x + reach; ++x, ++i) {
+      if (!frame.contains({x, y})) continue;
+      if (map_->layers().occupancy[frame.index_of({x, y})] > 0) ++hits[i];
+    }
+  }
 }
 
 }  // namespace ivfm

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "firmware/lidar/scan.h"
 #include "firmware/localization/scan_surfaces.h"
@@ -14,8 +15,9 @@
 namespace ivfm {
 
 struct MatcherConfig {
-  std::int32_t range_um = 8'000'000;   // points farther away are left out
-  std::int32_t search_um = 200'000;    // how far the prediction may be off along each axis
+  std::int32_t range_um = 8'000'000;  // points farther away are left out
+  std::int32_t search_um =
+      200'000;  // how far the prediction may be off along each axis, at most 4 cells
   std::uint16_t search_angle = 1456;   // and in heading, binary angle units (8 degrees)
   std::uint16_t min_samples = 20;      // fewer say nothing
   std::uint16_t min_judged = 15;       // so many of them must lie where the map is known
@@ -77,7 +79,7 @@ class ScanMatcher {
   Evidence weigh(const Pose& pose, std::int32_t kernel_um) const;
   ScanMatch refine(Pose start, const Pose& predicted, const Symmetric3& information) const;
   Pose search(const Pose& predicted) const;
-  std::int32_t overlap(const Pose& pose) const;
+  void count_hits(Cell cell, std::int32_t reach, std::span<std::uint8_t> hits) const;
   bool in_reach(const Pose& pose, const Pose& predicted) const;
   bool explains(const ScanMatch& match, std::int32_t percent) const {
     return match.fitting * 100 >= match.judged * percent;

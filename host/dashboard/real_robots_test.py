@@ -41,7 +41,7 @@ class Robots:
     def place(self, number):
         """Where the robot truly is."""
         rows = [line.split(",") for line in self.truth.read_text().splitlines()[1:]]
-        row = next((row for row in reversed(rows) if len(row) == 7 and row[1] == str(number)), None)
+        row = next((row for row in reversed(rows) if len(row) == 8 and row[1] == str(number)), None)
         return row and (float(row[2]), float(row[3]))
 
     def stop(self):

@@ -142,7 +142,7 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
       ->check(CLI::IsMember({"none", "mild"}));
   command
       ->add_option("--localization", options->localization,
-                   "odometry, or matching: scans against the map correct it")
+                   "matching: scans against the map correct the odometry; or odometry")
       ->capture_default_str()
       ->check(CLI::IsMember({"odometry", "matching"}));
   command->add_option("--fault", options->faults,

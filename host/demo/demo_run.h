@@ -30,7 +30,7 @@ struct DemoOptions {
   double until = 0.5;         // share of the explorable cells
   double time_limit_s = 400;  // simulated
   double visit_range_m = 3;
-  std::string localization = "odometry";  // or matching
+  std::string localization = "matching";  // or odometry
   std::string odometry_noise = "none";
   std::string lidar_noise = "mild";
   std::vector<std::string> faults;

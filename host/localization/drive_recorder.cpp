@@ -95,7 +95,9 @@ class Recorder {
     frame_ = {{0.013 * n, 0.029 * n, 0.13 * (n - 1)}};
     lidar_.set_beam_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
     serial_.set_now(clock_.now);
-    AgentConfig config = make_agent_config({}, RobotProfile::kCellUm, 1);
+    AgentOptions options;
+    options.localization = LocalizationChoice::kOdometry;  // exact here
+    AgentConfig config = make_agent_config(options, RobotProfile::kCellUm, 1);
     config.start = to_pose(frame_.from_world(start));
     log_.start = config.start;
     log_.wheels = config.wheels.geometry;
@@ -191,7 +193,8 @@ DriveLog record_drive(const DriveRequest& request) {
     throw std::invalid_argument("world '" + request.world + "' is unknown: use corridor or malaga");
   }
   const auto world = std::make_shared<World>(corridor ? corridor_world() : malaga_world());
-  const TruePose start = corridor ? TruePose{2.4, -11, 0} : TruePose{};
+  TruePose start = corridor ? TruePose{2.4, -11, 0} : TruePose{};
+  if (request.second_robot) start.heading_rad = std::numbers::pi;
   const auto recorder = std::make_unique<Recorder>(world, start, request.seed);
   return recorder->run(request.metres);
 }

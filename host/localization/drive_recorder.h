@@ -14,6 +14,7 @@ struct DriveRequest {
   std::string world = "corridor";  // corridor or malaga
   std::uint64_t seed = 1;          // the map frame: walls lie at other angles in each
   double metres = 100;             // until so far was driven, or nothing is left to explore
+  bool second_robot = false;       // of a team in the same map frame: starts facing the other way
 };
 
 // An exact drive: odometry and lidar without noise, the agent explores by odometry. `seed` turns

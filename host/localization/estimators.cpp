@@ -16,6 +16,7 @@ namespace {
 
 constexpr std::int32_t kMaxWheelUmS = 1'000'000;
 constexpr TimeUs kErrorPeriodUs = 100'000;
+constexpr std::int32_t kMappingRangeUm = 6'000'000;
 
 class OdometryEstimator final : public PoseEstimator {
  public:
@@ -33,12 +34,13 @@ class OdometryEstimator final : public PoseEstimator {
 };
 
 // The agent's way from a revolution to a corrected pose and a map, without the rest of the agent.
+template <typename Profile>
 class MatchingEstimator final : public PoseEstimator {
  public:
   explicit MatchingEstimator(const DriveLog& log)
-      : map_(cells_.layers(), RobotProfile::kCellUm, RobotProfile::kWindowCells, 105'000),
+      : map_(cells_.layers(), Profile::kCellUm, Profile::kWindowCells, 105'000),
         localization_(config(), surfaces_.surface_entries, log.wheels, kMaxWheelUmS) {
-    fusion_config_.mapping_range_um = 6'000'000;
+    fusion_config_.mapping_range_um = kMappingRangeUm;
     localization_.reset(log.start);
     map_.clear(map_.frame().cell_at(log.start.position));
   }
@@ -60,6 +62,7 @@ class MatchingEstimator final : public PoseEstimator {
     localization_.learn(map_, scan_, measured_us);
   }
   TruePose pose() const override { return to_true_pose(localization_.pose()); }
+  const ExplorationMap* map() const override { return &map_; }
   std::string remark() const override {
     const LocalizationCounters& n = localization_.counters();
     const auto occupied = std::ranges::count_if(
@@ -78,11 +81,47 @@ class MatchingEstimator final : public PoseEstimator {
     return config;
   }
 
-  MapStorage<RobotProfile::kWindowCells> cells_{};
-  SurfaceStorage<RobotProfile::kSurfaceCells> surfaces_{};
+  MapStorage<Profile::kWindowCells> cells_{};
+  SurfaceStorage<Profile::kSurfaceCells> surfaces_{};
   ExplorationMap map_;
   FusionConfig fusion_config_;
   Localization localization_;
+  Scan raw_{}, scan_{};
+};
+
+// Paints the map that a robot would which always knows where it is.
+class TruthEstimator final : public PoseEstimator {
+ public:
+  explicit TruthEstimator(const DriveLog& log)
+      : log_(log),
+        map_(cells_.layers(), RobotProfile::kCellUm, RobotProfile::kWindowCells, 105'000) {
+    fusion_config_.mapping_range_um = kMappingRangeUm;
+    map_.clear(map_.frame().cell_at(log.start.position));
+  }
+  void add_wheels(const WheelSample& s) override {
+    history_.add(s.measured_us, to_pose(log_.truth.at(next_++).pose));
+  }
+  void add_revolution(const Revolution& revolution) override {
+    if (history_.empty()) return;
+    raw_.clear();
+    for (const ScanPoint& point : revolution.points) (void)raw_.push(point);
+    const TimeUs delay_us = LocalizationConfig{}.scan_delay_us;
+    const TimeUs measured_us = revolution.end_us - delay_us;
+    deskew(raw_, revolution.start_us - delay_us, measured_us, history_, scan_);
+    const Pose pose = history_.at(measured_us);
+    (void)map_.roll_to(map_.frame().cell_at(pose.position));
+    ScanFusion(fusion_config_).fuse(map_, pose, scan_, false);
+  }
+  TruePose pose() const override { return log_.truth.at(next_ - 1).pose; }
+  const ExplorationMap* map() const override { return &map_; }
+
+ private:
+  const DriveLog& log_;
+  MapStorage<RobotProfile::kWindowCells> cells_{};
+  ExplorationMap map_;
+  FusionConfig fusion_config_;
+  PoseHistory history_;
+  std::size_t next_ = 0;
   Scan raw_{}, scan_{};
 };
 
@@ -103,10 +142,13 @@ void summarize(Assessment& result) {
 
 std::unique_ptr<PoseEstimator> make_estimator(const std::string& name, const DriveLog& log) {
   if (name == "odometry") return std::make_unique<OdometryEstimator>(log);
-  if (name == "matching") return std::make_unique<MatchingEstimator>(log);
+  if (name == "matching") return std::make_unique<MatchingEstimator<RobotProfile>>(log);
+  if (name == "matching-mcu") return std::make_unique<MatchingEstimator<McuProfile>>(log);
+  if (name == "truth") return std::make_unique<TruthEstimator>(log);
   if (name == "icp-slam") return make_icp_slam(log);
-  throw std::invalid_argument("estimator '" + name +
-                              "' is unknown: use odometry, matching or icp-slam");
+  throw std::invalid_argument(
+      "estimator '" + name +
+      "' is unknown: use odometry, matching, matching-mcu, truth or icp-slam");
 }
 
 double thread_cpu_s() {

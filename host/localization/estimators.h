@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/mapping/exploration_map.h"
 #include "host/localization/drive_log.h"
 
 namespace ivfm::host {
@@ -16,12 +17,16 @@ class PoseEstimator {
   virtual void add_wheels(const WheelSample& sample) = 0;
   virtual void add_revolution(const Revolution& revolution) = 0;
   virtual TruePose pose() const = 0;
+  // The robot's own map; null where there is none.
+  virtual const ExplorationMap* map() const { return nullptr; }
   // Of the map it built: the share of its area that holds obstacles; nothing when it has none.
   virtual std::string remark() const { return {}; }
 };
 
-// `odometry`, `matching` (firmware/localization) or `icp-slam` (mrpt::slam::CMetricMapBuilderICP)
-// for a robot that starts like `log`. Throws std::invalid_argument for other names.
+// `odometry`, `matching` (firmware/localization), `matching-mcu` (the same with a microcontroller's
+// memory), `truth` (a robot that always knows where it is) or `icp-slam`
+// (mrpt::slam::CMetricMapBuilderICP) for a robot that starts like `log`. Throws
+// std::invalid_argument for other names.
 std::unique_ptr<PoseEstimator> make_estimator(const std::string& name, const DriveLog& log);
 
 // Errors against the truth, every 100 ms of the drive.

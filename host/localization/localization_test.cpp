@@ -1,6 +1,7 @@
 // The robot's localization on a short recorded drive, with sensors from exact to bad.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "host/localization/drive_recorder.h"
@@ -50,6 +51,20 @@ TEST_F(ShortDrive, AThirdOfWrongPointsDoesNotMislead) {
   SensorNoise noise = SensorNoise::preset("turtlebot");
   noise.wrong_points = 0.33;
   EXPECT_LT(assess_with(noise, "matching").rms_m, 0.10);
+}
+
+TEST_F(ShortDrive, TheTruthHasNoErrorAndSharpWalls) {
+  const DriveLog log = with_noise(drive(), SensorNoise::preset("turtlebot"), 5);
+  const auto obstacles = [&](const std::string& name) {
+    const auto robot = make_estimator(name, log);
+    if (name == "truth") EXPECT_LT(assess(log, *robot).max_m, 1e-9);
+    if (name != "truth") (void)assess(log, *robot);
+    return static_cast<double>(std::ranges::count_if(
+        robot->map()->layers().flags,
+        [](std::uint8_t flags) { return (flags & cell_flag::kOwnObstacle) != 0; }));
+  };
+  EXPECT_GT(obstacles("truth"), 200);
+  EXPECT_LT(obstacles("matching"), 1.15 * obstacles("truth"));
 }
 
 TEST_F(ShortDrive, ComesBackFromAFileAsItWas) {

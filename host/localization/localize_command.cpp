@@ -7,8 +7,10 @@
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "host/evaluation/text_table.h"
@@ -30,6 +32,7 @@ struct LocalizeOptions {
   std::string errors;  // CSV
   std::string rawlog;  // instead of simulated drives
   std::string map;     // PNG
+  bool sharpness = false;
   bool each = false;
   bool json = false;
 };
@@ -40,12 +43,14 @@ struct Summary {
   double worst_rms_m = 0, max_m = 0, max_deg = 0, cpu_s = 0, drive_s = 0, driven_m = 0;
 };
 
-DriveLog drive(const LocalizeOptions& options, const std::string& world, unsigned seed) {
-  const DriveRequest request{world, seed, options.metres};
+DriveLog drive(const LocalizeOptions& options, const std::string& world, unsigned seed,
+               bool second_robot = false) {
+  const DriveRequest request{world, seed, options.metres, second_robot};
   if (options.logs.empty()) return record_drive(request);
   const std::filesystem::path path =
       std::filesystem::path(options.logs) /
-      (world + "-" + std::to_string(seed) + "-" + fixed(options.metres, 0) + ".drive");
+      (world + "-" + std::to_string(seed) + (second_robot ? "b-" : "-") + fixed(options.metres, 0) +
+       ".drive");
   if (std::filesystem::exists(path)) return load_drive_log(path);
   std::filesystem::create_directories(options.logs);
   const DriveLog log = record_drive(request);
@@ -149,6 +154,61 @@ class Study {
                    {}};
 };
 
+// The obstacle cells of all robots' maps together.
+std::set<std::pair<std::int32_t, std::int32_t>> merged_obstacles(const std::vector<DriveLog>& logs,
+                                                                 const std::string& estimator) {
+  std::set<std::pair<std::int32_t, std::int32_t>> cells;
+  for (const DriveLog& log : logs) {
+    const auto robot = make_estimator(estimator, log);
+    (void)assess(log, *robot);
+    if (robot->map() == nullptr) {
+      throw std::invalid_argument("estimator '" + estimator + "' has no map of its own");
+    }
+    const auto flags = robot->map()->layers().flags;
+    for (std::size_t i = 0; i < flags.size(); ++i) {
+      if ((flags[i] & cell_flag::kOwnObstacle) == 0) continue;
+      const Cell cell = robot->map()->frame().cell_of_index(i);
+      cells.emplace(cell.x, cell.y);
+    }
+  }
+  return cells;
+}
+
+// Two robots in one frame: how many more cells do the walls of their merged map take than with
+// true poses?
+int compare_sharpness(const LocalizeOptions& options) {
+  TextTable table{
+      {"world", "noise", "estimator", "cells", "with true poses", "more [%]", "worst [%]"}, {}};
+  for (const std::string& world : options.worlds) {
+    for (const std::string& noise : options.noises) {
+      for (const std::string& estimator : options.estimators) {
+        double cells = 0, true_cells = 0, worst = -1;
+        for (unsigned seed = 1; seed <= options.seeds; ++seed) {
+          std::vector<DriveLog> logs;
+          for (const bool second : {false, true}) {
+            logs.push_back(with_noise(drive(options, world, seed, second),
+                                      SensorNoise::preset(noise), 2 * seed + (second ? 1 : 0)));
+          }
+          const auto found = static_cast<double>(merged_obstacles(logs, estimator).size());
+          const auto real = static_cast<double>(merged_obstacles(logs, "truth").size());
+          cells += found;
+          true_cells += real;
+          worst = std::max(worst, found / real - 1);
+        }
+        table.rows.push_back({{world},
+                              {noise},
+                              {estimator},
+                              {fixed(cells / options.seeds, 0)},
+                              {fixed(true_cells / options.seeds, 0)},
+                              {fixed(100 * (cells / true_cells - 1), 1)},
+                              {fixed(100 * worst, 1)}});
+      }
+    }
+  }
+  std::fputs(table.to_text().c_str(), stdout);
+  return 0;
+}
+
 // A real recording: nobody knows the truth, but walls show it.
 int map_rawlog(const LocalizeOptions& options) {
   const DriveLog log = to_drive_log(load_rawlog(options.rawlog));
@@ -176,7 +236,9 @@ void add_localize_command(CLI::App& app, CommandAction& action) {
   command->add_option("--world", options->worlds, "corridor, malaga")->capture_default_str();
   command->add_option("--noise", options->noises, "none, mild, turtlebot, harsh")
       ->capture_default_str();
-  command->add_option("--estimator", options->estimators, "odometry, matching, icp-slam")
+  command
+      ->add_option("--estimator", options->estimators,
+                   "odometry, matching, matching-mcu, truth, icp-slam")
       ->capture_default_str();
   command->add_option("--seeds", options->seeds, "Drives in each world")
       ->check(CLI::Range(1u, 1000u))
@@ -190,6 +252,12 @@ void add_localize_command(CLI::App& app, CommandAction& action) {
                                      "An MRPT rawlog instead: how thin are the walls of its map?");
   command->add_option("--map", options->map, "Write the maps of --rawlog side by side as PNG")
       ->needs(rawlog);
+  command
+      ->add_flag(
+          "--sharpness", options->sharpness,
+          "Teams of two robots instead: occupied cells of their merged map, against the same "
+          "drives with true poses")
+      ->excludes(rawlog);
   command->add_flag("--each", options->each, "A line for each drive, on standard error");
   command->add_flag("--json", options->json, "Report as JSON");
   command->footer(
@@ -197,6 +265,7 @@ void add_localize_command(CLI::App& app, CommandAction& action) {
       "All methods get the same recorded drives; CPU is a share of the time driven, on one core.");
   command->callback([options, &action] {
     action = [options] {
+      if (options->sharpness) return compare_sharpness(*options);
       return options->rawlog.empty() ? Study(*options).run() : map_rawlog(*options);
     };
   });

@@ -59,14 +59,16 @@ compare() {
     exit 1
   }
   if [[ $name == cortex-m7 ]]; then
-    output=$(tests/replay/run_cortex_m.sh "$folder/tests/replay/$program.elf" \
-      tests/replay/corridor.replay)
-    judge "$name" "$(compiler_version "$compiler")" "$type" corridor "${output##*hash }"
+    for recording in corridor matching; do
+      output=$(tests/replay/run_cortex_m.sh "$folder/tests/replay/$program.elf" \
+        "tests/replay/$recording.replay")
+      judge "$name" "$(compiler_version "$compiler")" "$type" "$recording" "${output##*hash }"
+    done
     row "$name" "$(compiler_version "$compiler")" "$type" arena - \
       "not run: the paper profile's map alone needs 700 KiB"
     return
   fi
-  for recording in corridor arena; do
+  for recording in corridor matching arena; do
     output=$($emulator "$folder/tests/replay/$program" "tests/replay/$recording.replay" "$model")
     judge "$name" "$(compiler_version "$compiler")" "$type" "$recording" "${output##*hash }"
   done

@@ -1,10 +1,12 @@
 // `record_agent`: writes the replay files that the tests play on every target.
 //   record_agent corridor MODEL OUT   two agents in the corridor; the first one's ports
+//   record_agent matching MODEL OUT   the same with worse odometry, corrected by matching scans
 //   record_agent arena MODEL OUT      the explorer's calls in the paper's arenas
 //   record_agent model OUT            a model with random weights, where none is trained yet
 #include <unistd.h>
 
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -29,6 +31,7 @@ namespace fs = std::filesystem;
 
 constexpr std::uint64_t kSeed = 8;
 constexpr std::size_t kMaxFileBytes = 1'450'000;
+constexpr std::size_t kMaxMatchingBytes = 1'000'000;
 constexpr std::uint32_t kMaxDecisions = 300;
 constexpr std::uint32_t kArenaDecisions = 200;
 constexpr std::uint64_t kMaxEpisodes = 24;
@@ -42,12 +45,16 @@ void write_file(const fs::path& path, const std::vector<std::uint8_t>& bytes) {
   if (!file.flush()) throw std::runtime_error("cannot write " + path.string());
 }
 
-AgentConfig corridor_config(const Pose& start, std::uint16_t robot) {
+AgentConfig corridor_config(const Pose& start, std::uint16_t robot, bool matching) {
   AgentOptions options;
   options.robot_id = robot;
   options.visit_range_m = 1;
-  options.max_speed_m_s = 0.5;  // more decisions a recorded second
-  options.max_turn_rad_s = 3;
+  if (!matching) {  // more decisions a recorded second; turning so fast, a lidar sees little
+                    // sharply
+    options.max_speed_m_s = 0.5;
+    options.max_turn_rad_s = 3;
+  }
+  options.localization = matching ? LocalizationChoice::kMatching : LocalizationChoice::kOdometry;
   AgentConfig config = make_agent_config(options, McuProfile::kCellUm, 1);
   config.start = start;
   return config;
@@ -97,14 +104,20 @@ class Team final : public host::DatagramSender {
   std::unique_ptr<host::MapServer> server_;
 };
 
-void record_corridor(const std::vector<std::uint8_t>& model, const fs::path& out) {
+double distance_m(const host::TruePose& truth, const Pose& believed) {
+  return std::hypot(truth.x_m - believed.position.x_um / 1e6,
+                    truth.y_m - believed.position.y_um / 1e6);
+}
+
+void record_corridor(const std::vector<std::uint8_t>& model, bool matching, const fs::path& out) {
   const auto world = std::make_shared<const host::World>(host::corridor_world());
   const std::vector<Pose> starts = host::corridor_start_poses(2);
+  const auto noise = host::OdometryNoise::preset(matching ? "turtlebot" : "mild");
   std::vector<std::unique_ptr<SimulatedRobot>> robots;
   for (std::uint16_t i = 0; i < 2; ++i) {
     const auto robot = static_cast<std::uint16_t>(i + 1);
-    robots.push_back(
-        std::make_unique<SimulatedRobot>(corridor_config(starts[i], robot), world, kSeed));
+    robots.push_back(std::make_unique<SimulatedRobot>(corridor_config(starts[i], robot, matching),
+                                                      world, noise, kSeed));
     const ModelStatus loaded = robots[i]->agent().load_model(model);
     if (!ok(loaded.status)) throw std::runtime_error(std::string("bad model: ") + loaded.reason);
   }
@@ -112,7 +125,7 @@ void record_corridor(const std::vector<std::uint8_t>& model, const fs::path& out
   SimulatedRobot& recorded = *robots[0];
   TimeUs now_us = 5'000'000;
   const TimeUs begin_us = now_us;
-  while (recorded.writer().size() < kMaxFileBytes &&
+  while (recorded.writer().size() < (matching ? kMaxMatchingBytes : kMaxFileBytes) &&
          recorded.agent().progress().actions < kMaxDecisions && now_us < kLongestUs) {
     now_us += kTickUs;
     for (const auto& robot : robots) robot->tick(now_us);
@@ -120,10 +133,13 @@ void record_corridor(const std::vector<std::uint8_t>& model, const fs::path& out
   }
   write_file(out, recorded.recording());
   const AgentProgress& progress = recorded.agent().progress();
-  std::printf("%s: %.1f s, %u actions (%u global), %u scans, %.1f m, %d collisions, %zu bytes\n",
-              out.c_str(), static_cast<double>(now_us - begin_us) / 1e6, progress.actions,
-              progress.global_actions, progress.scans_fused, recorded.body().travelled_m(),
-              recorded.body().collisions(), static_cast<std::size_t>(fs::file_size(out)));
+  std::printf(
+      "%s: %.1f s, %u actions (%u global), %u scans, %.1f m, %.3f m off, %d collisions, %zu "
+      "bytes\n",
+      out.c_str(), static_cast<double>(now_us - begin_us) / 1e6, progress.actions,
+      progress.global_actions, progress.scans_fused, recorded.body().travelled_m(),
+      distance_m(recorded.body().pose(), recorded.agent().pose()), recorded.body().collisions(),
+      static_cast<std::size_t>(fs::file_size(out)));
 }
 
 // Episodes of single robots in arenas of all kinds, one after the other, the same explorer.
@@ -179,11 +195,14 @@ int run(int argc, char** argv) {
   if (what == "model" && argc == 3) {
     make_model(argv[2]);
   } else if (what == "corridor" && argc == 4) {
-    record_corridor(host::read_model_file(argv[2]), argv[3]);
+    record_corridor(host::read_model_file(argv[2]), false, argv[3]);
+  } else if (what == "matching" && argc == 4) {
+    record_corridor(host::read_model_file(argv[2]), true, argv[3]);
   } else if (what == "arena" && argc == 4) {
     record_arena(host::read_model_file(argv[2]), argv[3]);
   } else {
-    std::fputs("usage: record_agent corridor MODEL OUT | arena MODEL OUT | model OUT\n", stderr);
+    std::fputs("usage: record_agent corridor|matching MODEL OUT | arena MODEL OUT | model OUT\n",
+               stderr);
     return 2;
   }
   return 0;

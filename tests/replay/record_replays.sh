@@ -20,7 +20,7 @@ if [[ $choice != --pin ]]; then
   fi
 fi
 hashes=
-for recording in corridor arena; do
+for recording in corridor matching arena; do
   if [[ $choice != --pin ]]; then
     "$tools/record_agent" "$recording" replay_model.ivfm "$recording.replay"
   fi

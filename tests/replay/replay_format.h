@@ -11,7 +11,7 @@
 namespace ivfm::replay {
 
 inline constexpr std::array<std::uint8_t, 8> kMagic = {'I', 'V', 'F', 'M', 'R', 'P', 'L', 'Y'};
-inline constexpr std::uint16_t kVersion = 1;
+inline constexpr std::uint16_t kVersion = 2;
 inline constexpr std::size_t kMaxBlockBytes = 512;
 inline constexpr std::size_t kBlockHeadBytes = 6;
 
@@ -83,6 +83,7 @@ void for_each_setting(Config& config, Visitor&& visit) {
   visit(config.start.position.y_um);
   visit(config.start.heading);
   visit(config.max_action_travel_um);
+  visit(config.localization.matching);
 }
 
 // A setting as the file holds it, and back.

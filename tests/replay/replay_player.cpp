@@ -55,6 +55,7 @@ Status AgentReplay::run(Agent& agent, DecisionListener* listener, ReplaySummary&
     if (!ok(reader_.status())) break;
     step(agent, listener, summary);
   }
+  summary.matched = agent.localization().counters().matched;
   summary.frames_sent = can_.sent();
   summary.hash = hash_.value();
   return reader_.status();

@@ -44,6 +44,7 @@ struct ReplaySummary {
   std::uint32_t decisions = 0;
   std::uint32_t local_goals = 0;  // the network's choices among them
   std::uint32_t scans = 0;
+  std::uint32_t matched = 0;  // of them, against the map
   std::uint32_t frames_sent = 0;
   std::uint32_t unused_steps = 0;  // the agent left input unread: not the agent that was recorded
   std::uint64_t hash = 0;          // of all decisions and of every byte and frame sent

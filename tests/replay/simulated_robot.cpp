@@ -42,12 +42,11 @@ AgentConfig as_stored(const AgentConfig& config) {
 }
 
 SimulatedRobot::SimulatedRobot(const AgentConfig& config, std::shared_ptr<const host::World> world,
-                               std::uint64_t seed)
+                               const host::OdometryNoise& noise, std::uint64_t seed)
     : world_(world),
       rays_(world),
       random_(seed, config.link.robot),
-      body_({}, host::to_true_pose(config.start), host::OdometryNoise::preset("mild"),
-            seed + config.link.robot),
+      body_({}, host::to_true_pose(config.start), noise, seed + config.link.robot),
       rplidar_(half_rate_lidar()),
       writer_({Subject::kAgent, ProfileId::kMcu, config}),
       agent_(as_stored(config),

@@ -28,7 +28,7 @@ class RadioQueue final : public DatagramSocket {
 class SimulatedRobot {
  public:
   SimulatedRobot(const AgentConfig& config, std::shared_ptr<const host::World> world,
-                 std::uint64_t seed);
+                 const host::OdometryNoise& noise, std::uint64_t seed);
 
   // Lets 2 ms pass; every 10 ms the agent makes a step.
   void tick(TimeUs now_us);

@@ -51,7 +51,7 @@ const std::array kOptions{
     Option{"model", &AgentOptions::model, "Quantized policy; without it: nearest unexplored place"},
     Option{"profile", &AgentOptions::profile, "Map size and resolution: paper, robot or mcu"},
     Option{"localization", &AgentOptions::localization,
-           "odometry, or matching: scans against the map correct it"},
+           "matching: scans against the map correct the odometry; or odometry"},
     Option{"start", StartPose{}, "Pose at start-up: X,Y,HEADING in metres and degrees"},
     Option{"target", &AgentOptions::target,
            "X,Y in metres: the robot that sees this place ends the search for all"},

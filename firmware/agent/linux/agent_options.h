@@ -29,7 +29,7 @@ struct AgentOptions {
   std::int64_t radio_rate = 0;  // bytes a second that may be sent; 0: no limit
   std::string model;  // quantized Q-network; empty: goes to the nearest unexplored place instead
   ProfileChoice profile = ProfileChoice::kRobot;
-  LocalizationChoice localization = LocalizationChoice::kOdometry;
+  LocalizationChoice localization = LocalizationChoice::kMatching;
   double start_x_m = 0;  // pose in the map at start-up
   double start_y_m = 0;
   double start_heading_deg = 0;
