@@ -471,12 +471,17 @@ void MapServer::acknowledge_committed(Robot& robot) {
 }
 
 void MapServer::tell_others() {
+  std::vector<std::pair<CellRect, Robot*>> windows;  // in a row: all changes look at all of them
+  for (auto& entry : robots_) {
+    const CellRect& window = entry.second.downlink.window();
+    if (!window.empty()) windows.emplace_back(window, &entry.second);
+  }
   for (const auto& [from, changes] : uncommitted_changes_) {
     CellRect bounds;  // most robots are far from most others
     for (const auto& [key, changed] : changes) bounds = bounds.united(changed);
-    for (auto& [id, robot] : robots_) {
-      if (id == from || bounds.intersection(robot.downlink.window()).empty()) continue;
-      for (const auto& [key, changed] : changes) robot.downlink.mark(key, changed);
+    for (const auto& [window, robot] : windows) {
+      if (bounds.intersection(window).empty() || robot->record.robot == from) continue;
+      for (const auto& [key, changed] : changes) robot->downlink.mark(key, changed);
     }
   }
   uncommitted_changes_.clear();

@@ -71,7 +71,6 @@ CREATE TABLE poses (
   y_um INTEGER NOT NULL,
   heading INTEGER NOT NULL
 );
-CREATE INDEX poses_by_robot ON poses (robot, time_us);
 CREATE TABLE goals (
   time_us INTEGER NOT NULL,
   robot INTEGER NOT NULL,

@@ -78,7 +78,7 @@ class RobotLoad::Robot {
     if (sent_us_ != 0) acknowledged_s.push_back(static_cast<double>(now_us - sent_us_) / 1e6);
     sent_us_ = 0;
     if (!sharing || now_us < next_us_) return;
-    next_us_ = std::max(next_us_ + period_us_, now_us - period_us_);
+    next_us_ = std::max(next_us_ + period_us_, now_us);  // what it is late for is left out
     share();
     sent_us_ = now_us;
     link_.step(now_us, {});
