@@ -22,7 +22,7 @@ constexpr const char* kLegend =
     "does not say, the standard deviation). Of the paper's two learned policies the better figure "
     "is {best}; ours is {better} where it is better than that. Steps: actions of all agents; "
     "makespan: the largest number of actions of one agent. MiB (formula): the paper's bandwidth; "
-    "MiB (wire): every datagram of our link, where one was used (in process none is). PE of an "
+    "MiB (wire): every datagram of our link, both ways and of all robots (evaluation.md). PE of an "
     "episode that finds its target after a few centimetres is huge, which lifts a mean. Our rows "
     "of the corridor have an ideal lidar and exact poses: not yet the paper's experiment with "
     "noise and drift; there PE scales areas and lengths by the local map's width to 1 m.\n";

@@ -16,6 +16,7 @@ namespace {
 constexpr TimeUs kTickUs = 100'000;
 constexpr TimeUs kGoodbyeUs = 10'000'000;
 constexpr std::int64_t kSimStepsPerSecond = 240;
+constexpr std::size_t kPoseBodyBytes = 8;  // whose it is, and the pose as map updates carry it
 
 // The environment itself tells the agents what the others saw.
 class OwnLayers final : public SharedMap {
@@ -115,6 +116,7 @@ struct WireMeter::Team final : DatagramSender {
   std::optional<MapServer> server;
   TimeUs now_us = 1;
   TimeUs until_us = 1;
+  std::uint64_t pose_bytes = 0;
 };
 
 WireMeter::WireMeter(ExplorationEnvironment& env) : env_(env), team_(std::make_unique<Team>()) {
@@ -130,7 +132,11 @@ void WireMeter::note_action(std::int32_t sim_steps) {
     member.link.clip(env_.explorer(agent).map().frame().window());
   }
   const std::int64_t us = std::int64_t{sim_steps} * 1'000'000 / kSimStepsPerSecond;
-  team_->until_us += static_cast<TimeUs>(us / std::max(1, env_.agents()));
+  const int agents = std::max(1, env_.agents());
+  team_->pose_bytes += static_cast<std::uint64_t>(agents - 1) *
+                       (kUdpIpOverheadBytes + kDatagramHeaderBytes + kPoseBodyBytes +
+                        team_->keys.of(1)->trailer_bytes());
+  team_->until_us += static_cast<TimeUs>(us / agents);
   while (team_->now_us < team_->until_us) team_->tick(env_);
 }
 
@@ -141,7 +147,7 @@ std::uint64_t WireMeter::finish() {
     team_->tick(env_);
   } while (!team_->is_quiet() && team_->now_us < limit_us);
   const TrafficCounters& traffic = team_->server->counters().traffic;
-  return traffic.bytes_in + traffic.bytes_out;
+  return traffic.bytes_in + traffic.bytes_out + team_->pose_bytes;
 }
 
 }  // namespace ivfm::host
