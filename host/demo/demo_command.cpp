@@ -145,6 +145,9 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
                    "matching: scans against the map correct the odometry; or odometry")
       ->capture_default_str()
       ->check(CLI::IsMember({"odometry", "matching"}));
+  command->add_option("--walkers", options->walkers, "people who cross the world")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 50));
   command->add_option("--fault", options->faults,
                       "as of ivfm sim, such as lidar-silence@12s+3s; repeatable");
   command->add_flag("--record-scans", options->record_scans,

@@ -195,7 +195,8 @@ FleetOptions DemoRun::fleet_options() const {
   fleet.simulator_arguments = {"--world",          options_.world.name,
                                "--seed",           std::to_string(options_.world.seed),
                                "--odometry-noise", options_.odometry_noise,
-                               "--lidar-noise",    options_.lidar_noise};
+                               "--lidar-noise",    options_.lidar_noise,
+                               "--walkers",        std::to_string(options_.walkers)};
   if (options_.world.resolution_m) {
     fleet.simulator_arguments.emplace_back("--resolution");
     fleet.simulator_arguments.emplace_back(text_of("%.9g", *options_.world.resolution_m));
@@ -381,7 +382,9 @@ DemoResult DemoRun::judge(const Fleet& fleet) const {
   } else {
     result.comparison.first_difference = "not compared, because a process failed";
   }
-  result.scores = score_run(load_merged_map(fleet.database()), robots, meter_, result.driven_m);
+  const LayerMap merged = load_merged_map(fleet.database());
+  result.scores = score_run(merged, robots, meter_, result.driven_m);
+  result.ghost_cells = count_ghosts(merged, world_.world);
   return result;
 }
 
@@ -423,6 +426,7 @@ void DemoRun::save_outcome(const DemoResult& result) const {
   database.save_outcome("rer", result.scores.repeat_rate);
   database.save_outcome("pe", result.scores.pixels_per_metre);
   database.save_outcome("overlap", result.scores.overlap);
+  database.save_outcome("ghost_cells", static_cast<double>(result.ghost_cells));
   database.save_outcome("maps_equal", result.comparison.equal() ? 1 : 0);
   database.save_truth(samples_of(result.truth, database));
   database.commit();
@@ -494,6 +498,8 @@ void DemoRun::print_table(const DemoResult& result) const {
   const PoseErrors& errors = result.pose_errors;
   std::printf("robots believed to be %.3f m (rms) from where they were, %.3f m at most, %.2f deg\n",
               errors.rms_m, errors.largest_m, errors.rms_deg);
+  std::printf("obstacle cells of the map where nothing is: %llu\n",
+              static_cast<unsigned long long>(result.ghost_cells));
   std::printf("%s: %s\n", goal_text().c_str(), yes_no(result.goal_reached));
   std::printf("no collision: %s (%d)\n", yes_no(result.collisions == 0), result.collisions);
   std::printf("server's map is the sum of the robots' maps: %s (%llu cells compared)%s%s\n",

@@ -33,6 +33,7 @@ struct DemoOptions {
   std::string localization = "matching";  // or odometry
   std::string odometry_noise = "none";
   std::string lidar_noise = "mild";
+  int walkers = 0;
   std::vector<std::string> faults;
   bool record_scans = false;
   std::string radio;               // faults between robots and server, as of ivfm radio
@@ -59,9 +60,10 @@ struct DemoResult {
   double simulated_s = 0;
   double real_s = 0;
   bool goal_reached = false;
-  bool figures_agree = false;  // with those that the log tools compute from the database
-  PoseErrors pose_errors;      // of all robots
-  std::string failure;         // of a process, empty when all ended properly
+  bool figures_agree = false;     // with those that the log tools compute from the database
+  std::uint64_t ghost_cells = 0;  // of the map's obstacles: nothing is there
+  PoseErrors pose_errors;         // of all robots
+  std::string failure;            // of a process, empty when all ended properly
 
   bool good() const {
     return goal_reached && collisions == 0 && comparison.equal() && figures_agree &&

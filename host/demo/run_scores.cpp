@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "host/simulator/robot_body.h"
 #include "host/simulator/world_region.h"
 
 namespace ivfm::host {
@@ -58,6 +59,18 @@ RunScores score_run(const LayerMap& merged, std::span<const LayerMap> robots,
   RunScores scores = score_maps(merged, robots, driven_m);
   scores.coverage = meter.share_visited(merged);
   return scores;
+}
+
+std::uint64_t count_ghosts(const LayerMap& merged, const World& world) {
+  constexpr double kNearM = 0.25;
+  const GridFrame frame(std::max(1, merged.cell_um), merged.bounds);
+  std::uint64_t ghosts = 0;
+  for (std::size_t i = 0; i < merged.obstacles.size(); ++i) {
+    if (merged.obstacles[i] == 0) continue;
+    const Point middle = frame.center_of(frame.cell_of_index(i));
+    ghosts += disc_touches_obstacle(world, middle.x_um / 1e6, middle.y_um / 1e6, kNearM) ? 0 : 1;
+  }
+  return ghosts;
 }
 
 RunScores score_maps(const LayerMap& merged, std::span<const LayerMap> robots, double driven_m) {

@@ -44,6 +44,10 @@ struct RunScores {
   double pixels_per_metre = 0;  // PE: visited area in pixels of 1/128 m per metre driven
 };
 
+// Obstacle cells more than 0.25 m from everything that stands in the world: what moved, or a robot
+// that was not where it believed to be.
+std::uint64_t count_ghosts(const LayerMap& merged, const World& world);
+
 // All but the coverage, for which one must know the world.
 RunScores score_maps(const LayerMap& merged, std::span<const LayerMap> robots, double driven_m);
 // `robots`: the map of each; `driven_m`: the distance all of them drove.

@@ -50,6 +50,14 @@ TEST(CoverageMeter, CoarserMapCellsCountByTheirMiddle) {
   EXPECT_EQ(meter.explorable_cells(), 2u);
 }
 
+TEST(CountGhosts, CountsObstaclesWhereNothingIs) {
+  World hall{"hall", 50'000, 40, 20, {}, std::vector<std::uint8_t>(800, 0)};
+  for (std::size_t y = 0; y < 20; ++y) hall.occupied[y * 40] = 1;
+  LayerMap map = map_of({0, 10, 40, 1}, std::vector<std::uint8_t>(40, 1));
+  for (const std::size_t x : {0, 1, 5, 7, 20, 39}) map.obstacles[x] = 1;
+  EXPECT_EQ(count_ghosts(map, hall), 2u);  // 7 and 20; 39 is at the world's edge
+}
+
 TEST(ScoreRun, GivesThePapersMetrics) {
   const CoverageMeter meter(divided(), {25'000, 25'000}, 50'000);
   const std::vector<LayerMap> robots{map_of({0, 0, 4, 1}, {1, 3, 1, 0}),

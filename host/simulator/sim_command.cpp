@@ -35,6 +35,7 @@ struct SimOptions {
   double duration_s = 0;  // 0: until it is stopped
   std::string odometry_noise = "none";
   std::string lidar_noise = "mild";
+  int walkers = 0;
   std::vector<std::string> faults;
   std::string truth;
   std::string record;
@@ -124,6 +125,7 @@ SimulationConfig simulation_config(const SimOptions& options) {
   SimulationConfig config;
   config.odometry = OdometryNoise::preset(options.odometry_noise);
   config.lidar = LidarModel::preset(options.lidar_noise);
+  config.walkers = options.walkers;
   config.faults = parse_faults(options.faults);
   config.seed = options.world.seed;
   return config;
@@ -307,6 +309,9 @@ void add_sim_command(CLI::App& app, CommandAction& action) {
   command->add_option("--lidar-noise", options->lidar_noise, "none or mild")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "mild"}));
+  command->add_option("--walkers", options->walkers, "people who cross the world")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 50));
   command->add_option("--fault", options->faults,
                       "such as lidar-silence@12s+3s, lidar-garbage#2@5s+1s, can-drop=0.1, "
                       "drive-fault@20s, drive-silence@30s+500ms; repeatable");

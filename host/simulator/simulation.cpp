@@ -19,6 +19,12 @@ std::uint64_t stream_seed(std::uint64_t seed, int robot, std::uint64_t purpose) 
 
 constexpr std::uint16_t kOverCurrent =
     0x2310;  // CiA 402 table "Error codes": continuous over current
+std::vector<TruePose> to_true_poses(const std::vector<Pose>& poses) {
+  std::vector<TruePose> out;
+  for (const Pose& pose : poses) out.push_back(to_true_pose(pose));
+  return out;
+}
+
 constexpr TimeUs kGarbagePeriodUs = 50'000;
 constexpr std::size_t kGarbageBytes = 40;
 
@@ -116,7 +122,10 @@ void SimulatedRobot::measure(TimeUs now_us, std::span<ScanPoint> beams) {
 Simulation::Simulation(PreparedWorld world, SimulationConfig config,
                        const std::vector<std::filesystem::path>& lidar_links,
                        const std::vector<CanBus*>& buses)
-    : world_(std::move(world)), config_(std::move(config)) {
+    : world_(std::move(world)),
+      config_(std::move(config)),
+      walkers_(world_.world, to_true_poses(world_.starts), config_.walkers,
+               stream_seed(config_.seed, 0, 4)) {
   if (lidar_links.size() != world_.starts.size() || buses.size() != world_.starts.size()) {
     throw std::invalid_argument("Simulation: one lidar and one bus a robot");
   }
@@ -130,8 +139,11 @@ void Simulation::advance_to(TimeUs now_us) {
   std::vector<TruePose> others;
   while (now_us_ + kTickUs <= now_us) {
     now_us_ += kTickUs;
+    others.clear();
+    for (const auto& robot : robots_) others.push_back(robot->body().pose());
+    walkers_.step(kTickUs * 1e-6, world_.world, others);
     for (const auto& robot : robots_) {
-      others.clear();
+      others = walkers_.legs();
       for (const auto& other : robots_) {
         if (other != robot) others.push_back(other->body().pose());
       }

@@ -16,6 +16,7 @@
 #include "host/simulator/robot_body.h"
 #include "host/simulator/rplidar_terminal.h"
 #include "host/simulator/scan_recorder.h"
+#include "host/simulator/walkers.h"
 #include "host/simulator/world_catalog.h"
 
 namespace ivfm::host {
@@ -26,6 +27,7 @@ struct SimulationConfig {
   LidarModel lidar;
   RplidarEmulatorConfig rplidar;
   std::vector<Fault> faults;
+  int walkers = 0;
   std::uint64_t seed = 1;
 };
 
@@ -55,7 +57,7 @@ class SimulatedRobot {
   SimulatedRobot(const SimulatedRobot&) = delete;
   SimulatedRobot& operator=(const SimulatedRobot&) = delete;
 
-  // Moves this robot on to `now_us`; `others`: where the other robots are.
+  // Moves this robot on to `now_us`; `others`: where the other robots and people's legs are.
   void step(TimeUs now_us, std::span<const TruePose> others);
 
   int number() const { return number_; }
@@ -106,12 +108,14 @@ class Simulation {
   TimeUs now_us() const { return now_us_; }
   const PreparedWorld& world() const { return world_; }
   const std::vector<std::unique_ptr<SimulatedRobot>>& robots() const { return robots_; }
+  const Walkers& walkers() const { return walkers_; }
   int collisions() const;
 
  private:
   PreparedWorld world_;
   SimulationConfig config_;
   std::vector<std::unique_ptr<SimulatedRobot>> robots_;
+  Walkers walkers_;
   TimeUs now_us_ = 0;
 };
 
