@@ -180,6 +180,11 @@ double length_of(const std::vector<Span>& spans) {
   return total_s;
 }
 
+// Known only where a judge knew the world.
+bool is_incomplete(const RunData& run) {
+  return run.outcome.contains("coverage") && run.scores.coverage < 1 - 2 * kWorthTelling;
+}
+
 void add_giving_up(const RunData& run, const RobotRun& robot, const std::vector<Span>& spans,
                    double later_m2, std::vector<Finding>& findings) {
   const auto first = std::min_element(spans.begin(), spans.end(), [](const Span& a, const Span& b) {
@@ -191,9 +196,13 @@ void add_giving_up(const RunData& run, const RobotRun& robot, const std::vector<
                          " and " + text_of("%.1f m", value_at(robot.driven, first->begin_s)) +
                          " driven and was idle for " + duration_text(length_of(spans)) +
                          ": it found no way on";
-  std::string detail = longest(spans) + " There was more: " + text_of("%.1f m²", later_m2) +
-                       " were found after that, " +
-                       percent(later_m2 / run.explored_m2.back().second) + " of all. ";
+  std::string detail = longest(spans) + " There was more: ";
+  if (is_incomplete(run)) {
+    detail += "in the end " + percent(run.scores.coverage) + " of what can be seen was seen. ";
+  } else {
+    detail += text_of("%.1f m²", later_m2) + " were found after that, " +
+              percent(later_m2 / run.explored_m2.back().second) + " of all. ";
+  }
   if (blocked != spans.end()) {
     const std::string blocker = name_of(run, *blocked->blocker);
     headline += ", because " + blocker + " was in its way";
@@ -216,7 +225,8 @@ void add_early_end(const RunData& run, const RobotRun& robot, std::vector<Findin
   for (const Span& span : robot.spans) heard_s += span.length_s();
   for (const Span& span : spans_of(robot, Activity::kDone)) {
     const double later = all_m2 - value_at(run.explored_m2, span.begin_s);
-    (later > kWorthTelling * all_m2 ? given_up : done).push_back(span);
+    const bool shut_off = span.blocker && is_incomplete(run);  // both may have given up for good
+    (later > kWorthTelling * all_m2 || shut_off ? given_up : done).push_back(span);
     later_m2 = std::max(later_m2, later);
   }
   if (length_of(given_up) > std::max(kShortS, kWorthTelling * heard_s)) {
@@ -244,6 +254,12 @@ void add_decisions(const RobotRun& robot, std::vector<Finding>& findings) {
 std::vector<Finding> find_reasons(const RunData& run) {
   std::vector<Finding> findings;
   for (const RobotRun& robot : run.robots) {
+    if (run.recorded) {
+      add_lost_time(robot, Activity::kStanding, "stood still", "A recording does not say why.",
+                    findings);
+      add_lost_time(robot, Activity::kUnheard, "recorded no scan", "", findings);
+      continue;
+    }
     add_faults(robot, findings);
     add_lost_time(robot, Activity::kHeldByObstacle, "was held by an obstacle",
                   "Its way was blocked closer than its stopping distance; the map shows where.",

@@ -10,6 +10,7 @@
 #include "host/can_analysis/can_command.h"
 #include "host/can_analysis/can_log.h"
 #include "host/cli/progress_line.h"
+#include "host/log_analysis/drive_data.h"
 #include "host/log_analysis/export_command.h"
 #include "host/log_analysis/run_compare.h"
 #include "host/log_analysis/run_report.h"
@@ -40,11 +41,15 @@ class ReadingLine {
   ProgressLine line_;
 };
 
+RunData load_any(const fs::path& file, const LoadProgress& progress) {
+  return is_recorded_drive(file) ? load_drive(file, progress) : load_run(file, progress);
+}
+
 RunData load_with_progress(const fs::path& database) {
   RunData run;
   {
     ReadingLine line(database);
-    run = load_run(database, line.progress());
+    run = load_any(database, line.progress());
   }
   tell(database, run.warnings);
   return run;
@@ -102,9 +107,9 @@ void write_log_report(const fs::path& database, const fs::path& html) {
   RunData run;
   {
     ReadingLine line(database);
-    run = load_run(database, line.progress());
+    run = load_any(database, line.progress());
     const std::vector<TimelineEntry> timeline =
-        load_timeline(database, run.warnings, line.progress());
+        run.recorded ? drive_timeline(run) : load_timeline(database, run.warnings, line.progress());
     line.begin_step("Drawing the map");
     const cv::Mat map = run.explored_cells + run.obstacle_cells > 0 ? draw_run(run) : cv::Mat();
     line.begin_step("Writing " + html.string());
@@ -117,7 +122,7 @@ void write_log_map(const fs::path& database, const fs::path& png) {
   RunData run;
   {
     ReadingLine line(database);
-    run = load_run(database, line.progress());
+    run = load_any(database, line.progress());
     line.begin_step("Drawing the map");
     write_png(png, draw_run(run));
   }
@@ -153,7 +158,13 @@ void print_timeline(const fs::path& database, std::ostream& out) {
   std::vector<TimelineEntry> entries;
   {
     ReadingLine line(database);
-    entries = load_timeline(database, warnings, line.progress());
+    if (is_recorded_drive(database)) {
+      const RunData run = load_drive(database, line.progress());
+      entries = drive_timeline(run);
+      warnings = run.warnings;
+    } else {
+      entries = load_timeline(database, warnings, line.progress());
+    }
   }
   for (const TimelineEntry& entry : entries) {
     out << text_of("%10.1f s  ", entry.time_s)
@@ -184,7 +195,7 @@ void print_metrics(const LogOptions& options) {
 }
 
 // Files of which another command makes something.
-void refuse_other_kinds(const fs::path& file) {
+void refuse_other_kinds(const fs::path& file, bool takes_drives) {
   std::ifstream in(file, std::ios::binary);
   std::string line(200, '\0');
   in.read(line.data(), static_cast<std::streamsize>(line.size()));
@@ -192,8 +203,11 @@ void refuse_other_kinds(const fs::path& file) {
   if (parse_candump(line.substr(0, line.find('\n')))) {
     throw std::runtime_error("'" + file.string() + "' is a CAN log, which 'ivfm log can' reads");
   }
-  if (file.extension() == ".rawlog") {
-    throw std::runtime_error("'" + file.string() + "' is a rawlog, which 'ivfm replay' reads");
+  if (!takes_drives && fs::exists(file) && is_recorded_drive(file)) {
+    throw std::runtime_error(
+        "'" + file.string() +
+        "' is a recorded drive; 'ivfm log' makes report, map, metrics, compare "
+        "and timeline of it, and 'ivfm replay' plays it");
   }
 }
 
@@ -204,13 +218,18 @@ class LogCommands {
  public:
   LogCommands(CLI::App& log, CommandAction& action) : log_(log), action_(action) {}
 
-  CLI::App* add(const char* name, const char* text, const char* example, LogWork work) {
+  CLI::App* add(const char* name, const char* text, const char* example, LogWork work,
+                bool takes_drives = true) {
     CLI::App* command = log_.add_subcommand(name, text);
-    command->add_option("database", options_->database, "run database of 'ivfm serve'")->required();
+    command
+        ->add_option("database", options_->database,
+                     takes_drives ? "run database of 'ivfm serve', or a drive: rawlog, recording"
+                                  : "run database of 'ivfm serve'")
+        ->required();
     command->footer(std::string("Example: ") + example);
-    command->callback([options = options_, &action = action_, work] {
-      action = [options, work] {
-        refuse_other_kinds(options->database);
+    command->callback([options = options_, &action = action_, work, takes_drives] {
+      action = [options, work, takes_drives] {
+        refuse_other_kinds(options->database, takes_drives);
         work(*options);
         return 0;
       };
@@ -248,7 +267,8 @@ void add_pictures(LogCommands& commands) {
   CLI::App* video = commands.add(
       "video", "A film: the map grows, the robots drive",
       "ivfm log video run.db -o run.mp4 --length 30",
-      [](const LogOptions& o) { write_video(o.database, output_or(o, "run.mp4"), o.video); });
+      [](const LogOptions& o) { write_video(o.database, output_or(o, "run.mp4"), o.video); },
+      false);
   commands.output(video, "run.mp4");
   VideoOptions& film = commands.options().video;
   video->add_option("--length", film.length_s, "seconds of the film, whatever the run's")
@@ -268,8 +288,9 @@ void add_tables(LogCommands& commands) {
   commands.output(two, "");
   commands.json(two);
   commands
-      .add("query", "Ask the database in SQL", "ivfm log query run.db \"SELECT * FROM events\"",
-           [](const LogOptions& o) { print_query(o.database, o.sql, std::cout); })
+      .add(
+          "query", "Ask the database in SQL", "ivfm log query run.db \"SELECT * FROM events\"",
+          [](const LogOptions& o) { print_query(o.database, o.sql, std::cout); }, false)
       ->add_option("sql", commands.options().sql, "a SELECT; docs/run_database.md names the tables")
       ->required();
   commands.add("timeline", "Starts, states and faults in the order of time",

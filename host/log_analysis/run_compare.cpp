@@ -64,6 +64,9 @@ std::vector<NamedFigure> figures_of(const RunData& run) {
   const auto if_known = [&errors](double value) {
     return errors.poses == 0 ? std::nullopt : std::optional(value);
   };
+  const auto if_a_mission = [&run](double value) {
+    return run.recorded ? std::nullopt : std::optional(value);
+  };
   return {{"time_s", "s", run.time_s},
           {"explored_m2", "m²", run.scores.explored_m2},
           {"coverage", "", outcome(run, "coverage")},
@@ -71,11 +74,11 @@ std::vector<NamedFigure> figures_of(const RunData& run) {
           {"steps", "", static_cast<double>(run.actions())},
           {"rer", "", run.scores.repeat_rate},
           {"pe", "px/m", run.scores.pixels_per_metre},
-          {"overlap", "", run.scores.overlap},
+          {"overlap", "", if_a_mission(run.scores.overlap)},
           {"collisions", "", outcome(run, "collisions")},
-          {"bandwidth_paper_mib", "MiB", run.paper_bytes() / 1048576},
-          {"wire_bytes", "B", static_cast<double>(run.wire_bytes())},
-          {"decision_ms", "ms", median_decision_ms(run)},
+          {"bandwidth_paper_mib", "MiB", if_a_mission(run.paper_bytes() / 1048576)},
+          {"wire_bytes", "B", if_a_mission(static_cast<double>(run.wire_bytes()))},
+          {"decision_ms", "ms", if_a_mission(median_decision_ms(run))},
           {"seen_half_after_s", "s", time_of_share(run, 0.5)},
           {"seen_90_percent_after_s", "s", time_of_share(run, 0.9)},
           {"lost_robot_time_s", "s", lost_time(run)},

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
 
 #include "firmware/supervisor/supervisor.h"
 #include "firmware/supervisor/supervisor_table.h"
@@ -105,8 +106,12 @@ class RunReader {
     const std::filesystem::path wal = path_.string() + "-wal";
     std::error_code none;
     if (std::filesystem::exists(wal) && std::filesystem::file_size(wal, none) > 0) return;
-    const auto expected = count(connection_.integer("PRAGMA page_count").value_or(0)) *
-                          count(connection_.integer("PRAGMA page_size").value_or(0));
+    // As its head has it: SQLite itself counts the pages that are there.
+    std::array<unsigned char, 32> head{};
+    std::ifstream(path_, std::ios::binary).read(reinterpret_cast<char*>(head.data()), head.size());
+    std::uint64_t pages = 0;
+    for (std::size_t i = 28; i < 32; ++i) pages = pages << 8 | head[i];
+    const auto expected = pages * count(connection_.integer("PRAGMA page_size").value_or(0));
     const std::uint64_t there = std::filesystem::file_size(path_);
     if (there >= expected) return;
     run_.warnings.push_back("the file is cut off: " + std::to_string(there) + " of " +
@@ -406,20 +411,6 @@ class RunReader {
     }
   }
 
-  // Scores and histogram of the map.
-  void score_map() {
-    const double cell_m2 = run_.cell_m * run_.cell_m;
-    for (std::size_t at = 0; at < run_.map.visits.size(); ++at) {
-      const unsigned visits = run_.map.visits[at];
-      run_.obstacle_cells += run_.map.obstacles[at];
-      if (visits == 0) continue;
-      ++run_.explored_cells;
-      visits_ += visits;
-      shared_cells_ += seers_[at] >= 2 ? 1u : 0u;
-      run_.visits_m2[static_cast<std::size_t>(std::bit_width(visits - 1))] += cell_m2;
-    }
-  }
-
   void finish() {
     for (RobotRun& one : run_.robots) {
       Now& now = now_[one.robot];
@@ -437,17 +428,7 @@ class RunReader {
         one.spans.push_back({*now.last_s, run_.time_s, Activity::kUnheard, 0, {}});
       }
     }
-    score_map();
-    if (run_.explored_cells == 0) return;
-    const auto cells = static_cast<double>(run_.explored_cells);
-    run_.scores.explored_m2 = cells * run_.cell_m * run_.cell_m;
-    run_.scores.repeat_rate = (static_cast<double>(visits_) - cells) / cells;
-    run_.scores.overlap = static_cast<double>(shared_cells_) / cells;
-    run_.scores.coverage = run_.judged("coverage", 0);
-    const double driven_m = run_.judged("driven_m", run_.driven_m);
-    if (driven_m > 0) {
-      run_.scores.pixels_per_metre = run_.scores.explored_m2 * kPixelsPerSquareMetre / driven_m;
-    }
+    score_map(run_, seers_);
   }
 
   std::filesystem::path path_;
@@ -458,7 +439,7 @@ class RunReader {
   std::map<std::uint16_t, Now> now_;
   std::vector<std::pair<double, double>> scales_;  // (from when, time scale)
   std::vector<std::uint8_t> seers_;
-  std::uint64_t rows_ = 0, visits_ = 0, shared_cells_ = 0;
+  std::uint64_t rows_ = 0;
 };
 
 }  // namespace
@@ -536,6 +517,30 @@ void salvage(Warnings& warnings, const std::string& what, const std::function<vo
       throw;
     }
     warnings.push_back(what + " cannot be read: the file is damaged");
+  }
+}
+
+void score_map(RunData& run, std::span<const std::uint8_t> seers) {
+  const double cell_m2 = run.cell_m * run.cell_m;
+  double all_visits = 0, shared_cells = 0;
+  for (std::size_t at = 0; at < run.map.visits.size(); ++at) {
+    const unsigned visits = run.map.visits[at];
+    run.obstacle_cells += run.map.obstacles[at];
+    if (visits == 0) continue;
+    ++run.explored_cells;
+    all_visits += visits;
+    shared_cells += at < seers.size() && seers[at] >= 2 ? 1 : 0;
+    run.visits_m2[static_cast<std::size_t>(std::bit_width(visits - 1))] += cell_m2;
+  }
+  if (run.explored_cells == 0) return;
+  const auto cells = static_cast<double>(run.explored_cells);
+  run.scores.explored_m2 = cells * cell_m2;
+  run.scores.repeat_rate = (all_visits - cells) / cells;
+  run.scores.overlap = shared_cells / cells;
+  run.scores.coverage = run.judged("coverage", 0);
+  const double driven_m = run.judged("driven_m", run.driven_m);
+  if (driven_m > 0) {
+    run.scores.pixels_per_metre = run.scores.explored_m2 * kPixelsPerSquareMetre / driven_m;
   }
 }
 

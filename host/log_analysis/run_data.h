@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -99,6 +100,7 @@ struct RunData {
   std::map<std::string, double> outcome;
   std::map<std::uint16_t, PoseErrors> pose_errors;  // by robot; empty where nobody knew the truth
   LayerMap map;                                     // merged
+  bool recorded = false;  // a drive without radio, mission and decisions (drive_data.h)
   Warnings warnings;
 
   std::uint64_t actions() const;
@@ -114,6 +116,10 @@ using LoadProgress = std::function<void(std::uint64_t)>;
 // What can be read of a damaged file is there, with a warning. Throws std::runtime_error with one
 // sentence when `database` is no run database or nothing of it can be read.
 RunData load_run(const std::filesystem::path& database, const LoadProgress& progress = {});
+
+// Fills in what follows from the map: cells, visits, and `scores` with `driven_m`. `seers`: how
+// many robots saw each cell of it, at most 2; may be empty.
+void score_map(RunData& run, std::span<const std::uint8_t> seers);
 
 // Starts, finds, refusals, and changes of the robots' states and faults, in the order of time. Adds
 // to `warnings` what cannot be read; throws as above.

@@ -129,10 +129,12 @@ std::string render_figures(const RunData& run) {
        run.outcome.contains("coverage")
            ? text_of("%.1f %% of what can be seen", run.scores.coverage * 100)
            : std::to_string(run.explored_cells) + " cells"},
-      {duration_text(run.time_s), "run time", "on the server's clock"},
+      {duration_text(run.time_s), "run time",
+       run.recorded ? "from the first scan to the last" : "on the server's clock"},
       {size_of(run.judged("driven_m", run.driven_m), "m"), "driven",
        run.outcome.contains("driven_m") ? "all robots, true distance" : "all robots, by odometry"},
-      {std::to_string(run.actions()), "actions", "goals driven to"}};
+      {std::to_string(run.actions()), "actions",
+       run.recorded ? "of ten scans" : "goals driven to"}};
   std::string html = "<div class=\"figures\">";
   for (const Figure& figure : figures) {
     html += "<div class=\"figure\"><b>" + html_escaped(figure.value) + "</b><span>" +
@@ -140,6 +142,15 @@ std::string render_figures(const RunData& run) {
             "</small></div>";
   }
   return html + "</div>";
+}
+
+std::string render_drive_metrics(const RunData& run) {
+  return html_table({"RER", "PE", "steps"}, {{text_of("%.3f", run.scores.repeat_rate),
+                                              text_of("%.0f", run.scores.pixels_per_metre),
+                                              std::to_string(run.actions())}}) +
+         "<p class=\"faint\">RER: repeated visits a cell. PE: pixels of 1/128 m seen a metre "
+         "driven. Steps: actions of ten scans; crosses in the map are the goals that the robot's "
+         "planner would have chosen after each, without a policy. Nobody drove there.</p>";
 }
 
 std::string render_metrics(const RunData& run) {
@@ -409,7 +420,7 @@ std::string render_run_report(const RunData& run, const std::vector<TimelineEntr
   const std::string title = extras.title.empty() ? "Run " + run.name : extras.title;
   std::string html = render_head(run, extras, title) + render_figures(run);
   html += section("What cost time", render_reasons(run));
-  html += section("Metrics", render_metrics(run));
+  html += section("Metrics", run.recorded ? render_drive_metrics(run) : render_metrics(run));
   if (!map.empty()) {
     html += section("Map", framed(html_picture(
                                map, "Merged map: visits, obstacles, the robots' paths and goals")));
@@ -417,10 +428,10 @@ std::string render_run_report(const RunData& run, const std::vector<TimelineEntr
   html += section("Where the time went", render_time(run));
   html += section("Explored over time", render_coverage(run, extras.goal));
   html += section("Visits", render_visits(run));
-  html += section("Radio traffic", render_traffic(run));
-  html += section("Decisions", render_decisions(run));
+  if (!run.recorded) html += section("Radio traffic", render_traffic(run));
+  if (!run.recorded) html += section("Decisions", render_decisions(run));
   if (!run.pose_errors.empty()) html += section("Where they were", render_pose_errors(run));
-  html += section("Robots", render_robots(run));
+  if (!run.recorded) html += section("Robots", render_robots(run));
   if (!timeline.empty()) html += section("Events", render_events(timeline));
   if (!extras.files.empty()) {
     std::string list = "<dl>";

@@ -18,15 +18,16 @@ CELL_M = 0.05
 HALL = [(.5, 3.5, 13.5, 5.5), (1, .5, 5, 3), (2.6, 2.9, 3.6, 3.6), (8, .5, 12, 3),
         (9.6, 2.9, 10.6, 3.6), (1, 6, 6, 8.5), (3, 5.4, 4, 6.1)]
 CLOSET = (9, 6, 11.5, 8)  # beside the hall, without a door
-YARD = [(.5, 3.75, 6, 4.25), (5.9, .5, 9.5, 7.5), (9.4, 3.5, 13, 4.7),
-        (12.9, .5, 17, 7.5)]  # a passage too narrow for two robots, and what it leads to
+# A niche whose only way out, in its middle, each of the two robots in it closes to the other.
+YARD = [(3.05, 4, 3.95, 4.5), (3.25, 4.4, 3.75, 6), (.5, 5.9, 7, 8), (6.9, 6.5, 9, 7.2), (8.9, 2, 12, 8),
+        (11.9, 2.5, 14, 3.2), (13.9, .5, 17, 6)]
 RUNS = {
     "blocked": ([*HALL, CLOSET], ["--start=2,4.5,0", "--start=10.2,7,0", "--until", "0.9",
                                   "--time-limit", "150"]),
     "lossy": (HALL, ["--start=2,4.5,0", "--start=3,4.5,0", "--until", "0.9", "--time-limit", "150",
                      "--radio", "drop=0.5,partition@20s+30s"]),
-    "meeting": (YARD, ["--start=1,4,0", "--start=2,4,180", "--until", "0.9",
-                       "--time-limit", "150"]),
+    "meeting": (YARD, ["--robots", "3", "--start=3.2,4.25,0", "--start=3.8,4.25,180",
+                       "--start=1.5,7,0", "--until", "0.9", "--time-limit", "150"]),
 }
 
 
