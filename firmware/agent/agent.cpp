@@ -34,6 +34,10 @@ Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explo
       supervisor_(config.supervisor),
       link_(explorer.map(), ports.radio, link_config(config, explorer), ports.seal) {
   localization_.reset(config.start);
+  if (config.rough_start) {
+    start_pose_ = StartPose::kSearching;
+    alignment_.begin(config.start);
+  }
   pose_ = config.start;
   explorer_.start(config.start);
   link_.clip(explorer_.map().frame().window());
@@ -73,6 +77,10 @@ void Agent::sense_surroundings(TimeUs now_us) {
   const TimeUs measured_us = lidar_.scan_end_us() - delay_us;
   scan_us_ = lidar_.scan_end_us();
   localization_.deskew(*scan, lidar_.scan_start_us() - delay_us, measured_us, scan_);
+  if (start_pose_ == StartPose::kSearching) {
+    align_start();
+    return;
+  }
   if (localization.matching) {
     (void)localization_.correct(explorer_.map(), scan_, measured_us);
     pose_ = localization_.pose();
@@ -86,6 +94,24 @@ void Agent::sense_surroundings(TimeUs now_us) {
   if (localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
   progress_.newly_seen_cells += seen.newly_seen_cells;
   ++progress_.scans_fused;
+}
+
+// Corrects a rough start pose before anything is painted or told in a wrong frame.
+void Agent::align_start() {
+  has_scan_ = true;
+  const ExplorationMap& map = explorer_.map();
+  const auto samples = localization_.surfaces_in(scan_, map.frame().cell_um());
+  switch (alignment_.step(map, samples)) {
+    case StartAlignment::Result::kSearching: break;
+    case StartAlignment::Result::kNotFound: start_pose_ = StartPose::kNotFound; break;
+    case StartAlignment::Result::kFound:
+      start_pose_ = StartPose::kCorrected;
+      localization_.reset(alignment_.pose());
+      explorer_.correct_start(alignment_.pose());
+      pose_ = alignment_.pose();
+      break;
+  }
+  pose_at_scan_ = pose_;
 }
 
 // Stands in for a camera: a target is found by the robot that has seen its cell.
@@ -231,7 +257,7 @@ SupervisorInputs Agent::supervisor_inputs(TimeUs now_us) const {
   }
   inputs.drives_operational = wheels_.enabled(now_us);
   inputs.stop_requested = stop_requested_;
-  inputs.lost = localization_.lost();
+  inputs.lost = localization_.lost() || start_pose_ == StartPose::kSearching;
   inputs.scan = has_scan_ ? &scan_ : nullptr;
   inputs.pose_at_scan = pose_at_scan_;
   inputs.pose = pose_;

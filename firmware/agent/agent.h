@@ -14,6 +14,7 @@
 #include "firmware/lidar/rplidar_driver.h"
 #include "firmware/link/map_link.h"
 #include "firmware/localization/localization.h"
+#include "firmware/localization/start_alignment.h"
 #include "firmware/nn/q_network.h"
 #include "firmware/planning/explorer.h"
 #include "firmware/supervisor/supervisor.h"
@@ -30,7 +31,10 @@ struct AgentConfig {
   FollowerConfig follower;
   SupervisorConfig supervisor;
   MapLinkConfig link;
-  Pose start;             // in the map frame, where the robot is switched on
+  Pose start;  // in the map frame, where the robot is switched on
+  // `start` may be 0.5 m and 15 degrees wrong: the robot stands until it has found out by what the
+  // others have mapped there, or cannot.
+  bool rough_start = false;
   bool autostart = true;  // explore as soon as the devices are ready
   // An action ends after this much driving even when its goal is further: the map has changed.
   std::int32_t max_action_travel_um = 1'500'000;
@@ -57,6 +61,9 @@ struct AgentProgress {
   std::uint64_t newly_seen_cells = 0;  // by this robot, first of all robots as far as it knew
 };
 
+// What a robot knows of where it started.
+enum class StartPose : std::uint8_t { kGiven, kSearching, kCorrected, kNotFound };
+
 class Agent {
  public:
   // `explorer`, `surfaces` (see SurfaceMap) and the ports must outlive the agent.
@@ -82,6 +89,7 @@ class Agent {
   bool map_is_shared() const { return link_.all_acknowledged(); }
 
   const Pose& pose() const { return pose_; }
+  StartPose start_pose() const { return start_pose_; }
   RobotState state() const { return supervisor_.state(); }
   const Decision& decision() const { return decision_; }
   const AgentProgress& progress() const { return progress_; }
@@ -102,6 +110,7 @@ class Agent {
  private:
   void sense_wheels(TimeUs now_us);
   void sense_surroundings(TimeUs now_us);
+  void align_start();
   void look_for_target();
   void exchange_maps(TimeUs now_us);
   void obey_commands();
@@ -122,6 +131,8 @@ class Agent {
   WheelDrive wheels_;
   Localization localization_;
   QNetwork network_;
+  StartAlignment alignment_;
+  StartPose start_pose_ = StartPose::kGiven;
   PathFollower follower_;
   Supervisor supervisor_;
   MapLink link_;

@@ -59,6 +59,11 @@ class Localization {
   void deskew(const Scan& scan, TimeUs start_us, TimeUs end_us, Scan& out) const {
     ivfm::deskew(scan, start_us, end_us, history_, out);
   }
+  // The surfaces that a scan (after deskew()) saw, until the next correct().
+  std::span<const SurfaceSample> surfaces_in(const Scan& scan, std::int32_t cell_um) {
+    matcher_.look_at(scan, cell_um);
+    return matcher_.surfaces().samples();
+  }
   // Corrects the pose by a revolution that was measured (after deskew()) at `measured_us`. Call it
   // before the revolution is fused into `map`. Requires ready().
   MatchOutcome correct(const ExplorationMap& map, const Scan& scan, TimeUs measured_us);

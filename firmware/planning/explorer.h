@@ -104,6 +104,9 @@ class Explorer {
   void start(const Pose& pose, Point window_center);
   void start(const Pose& pose) { start(pose, pose.position); }
 
+  // The robot stands elsewhere than start() was told; what the others saw stays.
+  void correct_start(const Pose& pose) { start_ = pose; }
+
   // Begins an action: visits count once per action on the union of its views.
   void begin_action();
   // Fuses a scan taken at `pose`. `count_visits` false: occupancy only.

@@ -125,6 +125,8 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
           "start pose x,y,heading in metres and degrees; once a robot")
       ->excludes(command->add_flag("--random-starts", options->world.random_starts,
                                    "draw the start poses in the corridor from the seed"));
+  command->add_flag("--rough-starts", options->rough_starts,
+                    "tell robots but the first start poses up to 0.5 m and 15 degrees wrong");
   command->add_option("--until", options->until, "share of the free space to see")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 1.0));

@@ -188,6 +188,7 @@ FleetOptions DemoRun::fleet_options() const {
   fleet.robots = options_.world.robots;
   fleet.time_scale = options_.time_scale;
   fleet.radio = options_.radio;
+  fleet.rough_starts = options_.rough_starts;
   fleet.seed = options_.world.seed;
   for (const FleetEvent& event : options_.events) {
     if (event.kind == FleetEvent::Kind::kJoin) fleet.late.push_back(event.robot);

@@ -36,6 +36,7 @@ struct DemoOptions {
   int walkers = 0;
   std::vector<std::string> faults;
   bool record_scans = false;
+  bool rough_starts = false;       // as in FleetOptions
   std::string radio;               // faults between robots and server, as of ivfm radio
   std::vector<FleetEvent> events;  // robots that join late, leave or crash
   std::string target;              // X,Y in metres: seeing it is the goal; empty: none

@@ -3,8 +3,11 @@
 #include <signal.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <sstream>
 #include <utility>
 
@@ -26,6 +29,19 @@ std::string between(std::string_view line, std::string_view before, std::string_
   if (begin == std::string_view::npos) return {};
   const std::string_view rest = line.substr(begin + before.size());
   return std::string(rest.substr(0, rest.find_first_of(end)));
+}
+
+// x,y,heading up to 0.5 m and 15 degrees away, by what `seed` draws.
+std::string roughly(const std::string& start, std::uint64_t seed) {
+  double x_m = 0, y_m = 0, heading_deg = 0;
+  std::sscanf(start.c_str(), "%lf,%lf,%lf", &x_m, &y_m, &heading_deg);
+  std::mt19937_64 random(seed);
+  const auto even = [&random] { return static_cast<double>(random() >> 11) * 0x1p-53; };
+  const double direction = even() * 2 * M_PI, off_m = 0.5 * std::sqrt(even());
+  char text[96];
+  std::snprintf(text, sizeof text, "%.6f,%.6f,%.2f", x_m + off_m * std::cos(direction),
+                y_m + off_m * std::sin(direction), heading_deg + 30 * even() - 15);
+  return text;
 }
 
 std::string shortest(double value) {
@@ -212,6 +228,10 @@ void Fleet::start_agent(int robot, const std::string& start) {
   std::copy(std::istream_iterator<std::string>(connections), {}, std::back_inserter(command));
   const auto pose = std::find(command.begin(), command.end(), "--start");
   if (!start.empty() && pose != command.end()) *std::next(pose) = start;
+  if (options_.rough_starts && robot > 1 && pose != command.end()) {
+    *std::next(pose) = roughly(*std::next(pose), options_.seed + static_cast<std::uint64_t>(robot));
+    command.emplace_back("--rough-start");
+  }
   for (const std::string& argument :
        {std::string("--server"), radio_ == nullptr ? server_address_ : radio_address_,
         std::string("--robot-id"), std::to_string(robot), std::string("--key"),

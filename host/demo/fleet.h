@@ -24,7 +24,9 @@ struct FleetOptions {
   std::vector<std::string> agent_arguments;      // the same for every robot
   int robots = 2;
   std::vector<int> late;  // robots that start() leaves out: start_agent() is for later
-  std::string radio;      // faults between robots and server, as of ivfm radio; empty: none
+  // Robots but the first are told start poses up to 0.5 m and 15 degrees wrong, and that they are.
+  bool rough_starts = false;
+  std::string radio;  // faults between robots and server, as of ivfm radio; empty: none
   std::uint64_t seed = 1;
   double time_scale = 4;
 };

@@ -87,11 +87,12 @@ class SimulatedClock final : public Clock {
   TimeUs now = 0;
 };
 
-AgentOptions burger_options(LocalizationChoice localization) {
+AgentOptions burger_options(LocalizationChoice localization, bool rough_start) {
   AgentOptions options;
   options.start_x_m = 0.5;
   options.start_y_m = 0.5;
   options.localization = localization;
+  options.rough_start = rough_start;
   return options;
 }
 
@@ -100,12 +101,13 @@ class AgentInARoom : public testing::Test {
   using TestedAgent = AgentFor<McuProfile>;
   enum End : std::size_t { kAgentEnd, kDrivesEnd, kListenerEnd };
 
-  explicit AgentInARoom(LocalizationChoice localization = LocalizationChoice::kOdometry) {
+  explicit AgentInARoom(LocalizationChoice localization = LocalizationChoice::kOdometry,
+                        bool rough_start = false) {
     rplidar_.set_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
     clock_.now = now_us_;
     serial_.set_now(now_us_);
     agent_ = std::make_unique<TestedAgent>(
-        make_agent_config(burger_options(localization), McuProfile::kCellUm, 1),
+        make_agent_config(burger_options(localization, rough_start), McuProfile::kCellUm, 1),
         AgentPorts{lidar_port_, wire_.end(kAgentEnd), radio_, clock_});
   }
 
@@ -321,6 +323,23 @@ TEST_F(AgentInARoom, StopsWhenTimeGoesBackAndRecovers) {
   EXPECT_LE(moving_us_, begin_us + 50'000);
   EXPECT_FALSE(wheels_turn());
   expect_drives_again();
+}
+
+class RoughlyPlacedAgent : public AgentInARoom {
+ protected:
+  RoughlyPlacedAgent() : AgentInARoom(LocalizationChoice::kMatching, true) {}
+};
+
+TEST_F(RoughlyPlacedAgent, StandsAndPaintsNothingUntilItKnowsWhetherOthersKnowThePlace) {
+  run_for(3 * kSecondUs);
+  EXPECT_EQ(agent().start_pose(), StartPose::kSearching);
+  EXPECT_EQ(agent().state(), RobotState::kBoot);
+  EXPECT_EQ(agent().progress().scans_fused, 0u);
+  EXPECT_EQ(agent().odometry().travelled_um(), 0u);
+  ASSERT_TRUE(
+      run_until([&] { return agent().start_pose() == StartPose::kNotFound; }, 30 * kSecondUs));
+  EXPECT_TRUE(run_until([&] { return agent().state() == RobotState::kExploring; }, 5 * kSecondUs));
+  EXPECT_EQ(allocations_, 0u);
 }
 
 class MatchingAgentInARoom : public AgentInARoom {

@@ -53,6 +53,8 @@ const std::array kOptions{
     Option{"localization", &AgentOptions::localization,
            "matching: scans against the map correct the odometry; or odometry"},
     Option{"start", StartPose{}, "Pose at start-up: X,Y,HEADING in metres and degrees"},
+    Option{"rough-start", &AgentOptions::rough_start,
+           "The start pose may be 0.5 m and 15 degrees wrong: correct it by the others' map"},
     Option{"target", &AgentOptions::target,
            "X,Y in metres: the robot that sees this place ends the search for all"},
     Option{"return-home", &AgentOptions::return_home, "Drive back to the start when done"},

@@ -33,6 +33,7 @@ struct AgentOptions {
   double start_x_m = 0;  // pose in the map at start-up
   double start_y_m = 0;
   double start_heading_deg = 0;
+  bool rough_start = false;  // that pose may be 0.5 m and 15 degrees wrong
   std::string target;        // X,Y in metres: the search is over once it was seen; empty: none
   bool return_home = false;  // drives back to the start when all is explored
   double time_scale = 1;     // the agent's clock runs this many times faster

@@ -83,6 +83,7 @@ TEST(AgentOptions, FlagsSetEveryKindOfValue) {
                               "--log-file",
                               "a.log",
                               "--return-home",
+                              "--rough-start",
                               "--plain-radio"});
   ASSERT_TRUE(options);
   EXPECT_EQ(options->lidar, "/dev/pts/3");
@@ -104,6 +105,7 @@ TEST(AgentOptions, FlagsSetEveryKindOfValue) {
   EXPECT_EQ(options->telemetry, TelemetryFormat::kJson);
   EXPECT_EQ(options->log_file, "a.log");
   EXPECT_TRUE(options->return_home);
+  EXPECT_TRUE(options->rough_start);
   EXPECT_TRUE(options->plain_radio);
 }
 

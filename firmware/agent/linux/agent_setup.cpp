@@ -75,6 +75,7 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
       options.localization == LocalizationChoice::kMatching && cell_um >= kMinMatchedCellUm;
   config.start = {{to_um(options.start_x_m), to_um(options.start_y_m)},
                   BinaryAngle::from_degrees(options.start_heading_deg)};
+  config.rough_start = options.rough_start;
   config.max_action_travel_um = to_um(options.visit_range_m / 2);
   if (const auto target = parse_place(options.target)) {
     config.target = Point{to_um((*target)[0]), to_um((*target)[1])};

@@ -12,6 +12,11 @@ std::size_t written(int length, std::span<char> out) {
   return std::min(static_cast<std::size_t>(std::max(length, 0)), out.size() - 1);
 }
 
+const char* to_string(StartPose start) {
+  constexpr const char* kNames[] = {"given", "searching", "corrected", "not found"};
+  return kNames[static_cast<std::size_t>(start)];
+}
+
 double metres(std::int64_t um) { return static_cast<double>(um) / 1e6; }
 
 }  // namespace
@@ -56,7 +61,7 @@ std::size_t format_telemetry_json(const Agent& agent, TimeUs now_us, std::span<c
       ",\"datagrams_sent\":%" PRIu64 ",\"datagrams_received\":%" PRIu64
       ",\"retransmissions\":%" PRIu32 ",\"dropped\":%" PRIu32 "},\"odometry_jumps\":%" PRIu32
       ",\"localization\":{\"matched\":%" PRIu32 ",\"undecided\":%" PRIu32 ",\"poor\":%" PRIu32
-      ",\"lost\":%" PRIu32 ",\"searches\":%" PRIu32 "}}\n",
+      ",\"lost\":%" PRIu32 ",\"searches\":%" PRIu32 ",\"start\":\"%s\"}}\n",
       now_us, to_string(agent.state()), unsigned{agent.supervisor().reasons().bits()},
       metres(pose.position.x_um), metres(pose.position.y_um), pose.heading.degrees(),
       metres(static_cast<std::int64_t>(agent.odometry().travelled_um())), agent.progress().actions,
@@ -68,7 +73,7 @@ std::size_t format_telemetry_json(const Agent& agent, TimeUs now_us, std::span<c
       link.dropped_malformed + link.dropped_misdirected + link.dropped_refused +
           link.dropped_replayed + link.dropped_stale + link.dropped_cell_size,
       agent.odometry().jumps(), places.matched, places.undecided, places.poor, places.lost,
-      places.searches);
+      places.searches, to_string(agent.start_pose()));
   return written(length, out);
 }
 

@@ -1,0 +1,151 @@
+#include "firmware/localization/start_alignment.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdlib>
+
+namespace ivfm {
+
+namespace {
+
+constexpr std::int32_t kDegree = 182;  // binary angle units
+constexpr std::int32_t kMostTurn = 16;
+constexpr std::int32_t kHeadingsPerStep = 2;
+constexpr std::uint8_t kMostPasses = 4;  // of 17 revolutions
+constexpr std::size_t kMinSamples = 40;
+constexpr std::int32_t kMinPercent = 60;  // of the samples lie on obstacles
+constexpr std::int32_t kSecondPercent = 93;
+constexpr std::int64_t kSamePlaceUm = 250'000;
+constexpr std::int32_t kSameTurn = 5 * kDegree;
+
+BinaryAngle turned(BinaryAngle heading, std::int32_t units) {
+  return heading +
+         BinaryAngle(static_cast<std::uint16_t>(static_cast<std::uint32_t>(units) & 0xffffu));
+}
+
+bool same_place(const Pose& a, const Pose& b) {
+  return squared_distance_um2(a.position, b.position) < kSamePlaceUm * kSamePlaceUm &&
+         std::abs(int{(a.heading - b.heading).signed_raw()}) < kSameTurn;
+}
+
+// Bit i: whether the others hold the cell i - reach columns from `middle` for an obstacle.
+std::uint32_t row_of(const ExplorationMap& map, Cell middle, std::int32_t reach) {
+  const GridFrame& frame = map.frame();
+  std::uint32_t bits = 0;
+  for (std::int32_t i = 0; i <= 2 * reach; ++i) {
+    const Cell c{middle.x - reach + i, middle.y};
+    if (!frame.contains(c)) continue;
+    const bool obstacle = (map.layers().flags[frame.index_of(c)] & cell_flag::kPeerObstacle) != 0;
+    bits |= static_cast<std::uint32_t>(obstacle) << i;
+  }
+  return bits;
+}
+
+}  // namespace
+
+void StartAlignment::begin(const Pose& guess) {
+  guess_ = guess;
+  turn_ = -kMostTurn;
+  passes_ = 0;
+  best_ = {guess, 0};
+  second_ = {};
+}
+
+StartAlignment::Result StartAlignment::step(const ExplorationMap& map,
+                                            std::span<const SurfaceSample> samples) {
+  for (std::int32_t i = 0; i < kHeadingsPerStep && turn_ <= kMostTurn; ++i, ++turn_) {
+    try_heading(map, samples, turned(guess_.heading, turn_ * kDegree));
+  }
+  if (turn_ <= kMostTurn) return Result::kSearching;
+  if (is_clear(samples.size())) {
+    refine(map, samples);
+    return Result::kFound;
+  }
+  const std::uint8_t passes = passes_;
+  begin(guess_);
+  passes_ = static_cast<std::uint8_t>(passes + 1);
+  return passes_ < kMostPasses ? Result::kSearching : Result::kNotFound;
+}
+
+// Counts for each shift by whole cells how many samples lie on or beside obstacles.
+void StartAlignment::try_heading(const ExplorationMap& map, std::span<const SurfaceSample> samples,
+                                 BinaryAngle heading) {
+  std::array<std::uint8_t, kSide * kSide> hits{};
+  static_assert(ScanSurfaces::kMaxSamples <= 255 && kSide + 2 <= 32);
+  const GridFrame& frame = map.frame();
+  for (const SurfaceSample& sample : samples) {
+    const Cell middle =
+        frame.cell_at(transform({guess_.position, heading}, sample.x_um, sample.y_um));
+    std::uint32_t below = 0, here = 0;  // rows, grown by a cell to both sides
+    for (std::int32_t y = -kReach - 1; y <= kReach + 1; ++y) {
+      const std::uint32_t row = row_of(map, {middle.x, middle.y + y}, kReach + 1);
+      const std::uint32_t above = row | row << 1 | row >> 1;
+      std::uint32_t near = y > -kReach ? ((below | here | above) >> 1) & ((1u << kSide) - 1) : 0;
+      for (; near != 0; near &= near - 1) {
+        const std::int32_t column = std::countr_zero(near);
+        ++hits[static_cast<std::size_t>((y - 1 + kReach) * kSide + column)];
+      }
+      below = here;
+      here = above;
+    }
+  }
+  for (std::int32_t i = 0; i < kSide * kSide; ++i) {
+    Candidate candidate{{guess_.position, heading}, hits[static_cast<std::size_t>(i)]};
+    candidate.pose.position.x_um += (i % kSide - kReach) * frame.cell_um();
+    candidate.pose.position.y_um += (i / kSide - kReach) * frame.cell_um();
+    note(candidate);
+  }
+}
+
+void StartAlignment::note(const Candidate& candidate) {
+  const bool elsewhere = !same_place(candidate.pose, best_.pose);
+  if (candidate.score > best_.score) {
+    if (elsewhere) second_ = best_;
+    best_ = candidate;
+  } else if (elsewhere && candidate.score > second_.score) {
+    second_ = candidate;
+  }
+}
+
+bool StartAlignment::is_clear(std::size_t samples) const {
+  const auto count = static_cast<std::int32_t>(samples);
+  const bool other = !same_place(best_.pose, second_.pose);
+  return samples >= kMinSamples && best_.score * 100 >= count * kMinPercent &&
+         (!other || second_.score * 100 < best_.score * kSecondPercent);
+}
+
+// The mean of the best poses around, by steps of half a cell and half a degree, counting only
+// samples that lie on obstacles.
+void StartAlignment::refine(const ExplorationMap& map, std::span<const SurfaceSample> samples) {
+  const GridFrame& frame = map.frame();
+  const Pose middle = best_.pose;
+  const std::int32_t step_um = frame.cell_um() / 2, step_turn = kDegree / 2;
+  std::int32_t most = 0;
+  std::int64_t x = 0, y = 0, turn = 0, weights = 0;
+  for (const bool summing : {false, true}) {
+    for (std::int32_t i = 0; i < 5 * 5 * 5; ++i) {
+      const std::int32_t dx = i % 5 - 2, dy = i / 5 % 5 - 2, dt = i / 25 - 2;
+      const Pose pose{{middle.position.x_um + dx * step_um, middle.position.y_um + dy * step_um},
+                      turned(middle.heading, dt * step_turn)};
+      std::int32_t count = 0;
+      for (const SurfaceSample& sample : samples) {
+        const Cell cell = frame.cell_at(transform(pose, sample.x_um, sample.y_um));
+        count += static_cast<std::int32_t>(row_of(map, cell, 0));
+      }
+      const std::int32_t weight = summing ? std::max<std::int32_t>(0, count - most * 9 / 10) : 0;
+      most = std::max(most, count);
+      x += std::int64_t{weight} * dx;
+      y += std::int64_t{weight} * dy;
+      turn += std::int64_t{weight} * dt;
+      weights += weight;
+    }
+  }
+  if (weights == 0) return;
+  best_.pose.position.x_um += static_cast<std::int32_t>(x * step_um / weights);
+  best_.pose.position.y_um += static_cast<std::int32_t>(y * step_um / weights);
+  best_.pose.heading =
+      turned(middle.heading, static_cast<std::int32_t>(turn * step_turn / weights));
+}
+
+}  // namespace ivfm
