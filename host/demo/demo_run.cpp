@@ -269,7 +269,8 @@ bool DemoRun::is_over(const Fleet& fleet) {
   if (progress_.empty()) return false;
   const auto at_work_all = [&fleet](std::initializer_list<const char*> states) {
     return std::all_of(fleet.agents().begin(), fleet.agents().end(), [&](const AgentReport& agent) {
-      return !agent.at_work || std::count(states.begin(), states.end(), agent.state) != 0;
+      return !agent.at_work || agent.leaving ||
+             std::count(states.begin(), states.end(), agent.state) != 0;
     });
   };
   const bool waiting =

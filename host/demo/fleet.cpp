@@ -68,6 +68,7 @@ AgentCounters& AgentCounters::operator+=(const AgentCounters& other) {
 void AgentReport::begin() {
   state = "starting";
   at_work = true;
+  leaving = false;
   ++starts;
   earlier = *this;
 }
@@ -255,6 +256,7 @@ void Fleet::dismiss_agent(int robot) {
   ChildProcess* const agent = agent_of(robot);
   if (agent == nullptr) return;
   dismissed_[index_of(robot)] = true;
+  agents_[index_of(robot)].leaving = true;
   agent->send_signal(SIGTERM);
 }
 

@@ -52,6 +52,7 @@ struct AgentReport : AgentCounters {
   double slowest_decision_ms = 0;
   int starts = 0;
   bool at_work = false;   // its process runs
+  bool leaving = false;   // was asked to: it hands over its map, which a bad radio may prolong
   AgentCounters earlier;  // of all starts but this one
   // The agent is started (again).
   void begin();
