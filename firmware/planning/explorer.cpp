@@ -93,29 +93,48 @@ bool Explorer::local_map_is_worth_visiting() const {
 Decision Explorer::decide(const Pose& pose, QFunction& q) {
   review_last_goal(pose);
   observe(pose);
-  if (const auto frontier = nearby_frontier(); frontier && worth_trying(*frontier)) {
-    return drive_to(*frontier);
+  const bool asks = idle_actions_ < config_.max_idle_actions && local_map_is_worth_visiting();
+  const std::int32_t favourite =
+      asks && ok(q.evaluate(state_, q_values_)) ? best_policy_cell() : -1;
+  if (config_.view_reach_um == 0) {
+    if (favourite >= 0) return follow_policy(favourite);
+    return select_global_goal(pose);
   }
-  if (idle_actions_ < config_.max_idle_actions && local_map_is_worth_visiting() &&
-      ok(q.evaluate(state_, q_values_))) {
-    const Decision best = select_best(q_values_);
-    if (best.kind == Decision::Kind::kLocalGoal) return best;
+  const CellRect known = explored_region(pose).intersection(map_.frame().window().grown(-1));
+  if (!paths_.region().contains(known)) plan_everywhere(pose, Clearance::kPreferred);
+  const auto frontier = best_view(config_.wide_frontier_size);
+  if (favourite >= 0 && !(frontier && frontier->value.is_better_than(view_from(favourite)))) {
+    return follow_policy(favourite);
   }
-  return select_global_goal(pose);
+  if (frontier && worth_trying(frontier->goal)) return drive_to(frontier->goal);
+  if (const auto other = choose_frontier(FrontierRule::kBestView)) return drive_to(*other);
+  return select_frontier(pose, FrontierRule::kBestView);
 }
 
-Decision Explorer::select_best(std::span<const std::int32_t> q_values) {
+// The reachable policy cell with the largest Q value, the first of several; -1 without any.
+std::int32_t Explorer::best_policy_cell() const {
   std::int32_t best = -1, best_q = std::numeric_limits<std::int32_t>::min();
-  for (std::size_t i = 0; i < q_values.size(); ++i) {
-    if (!mask_[i] || (best >= 0 && q_values[i] <= best_q)) continue;
+  for (std::size_t i = 0; i < q_values_.size(); ++i) {
+    if (!mask_[i] || (best >= 0 && q_values_[i] <= best_q)) continue;
     best = static_cast<std::int32_t>(i);
-    best_q = q_values[i];
+    best_q = q_values_[i];
   }
+  return best;
+}
+
+// `favourite`: a cell of the goal mask.
+Decision Explorer::follow_policy(std::int32_t favourite) {
   Decision decision;
-  if (best < 0 || !ok(select_local_goal(best, decision))) return {};
-  decision.q_value = best_q;
+  (void)select_local_goal(favourite, decision);  // the mask holds only what can be reached
+  decision.q_value = q_values_[static_cast<std::size_t>(favourite)];
   last_ = decision;
   return decision;
+}
+
+// What the view from the policy's favourite is worth.
+ViewValue Explorer::view_from(std::int32_t favourite) const {
+  const Cell goal = goal_in_block(favourite);
+  return value_of_view(map_, goal, paths_.cost_at(map_, goal), view_reach_cells(), 0);
 }
 
 Status Explorer::select_local_goal(std::int32_t policy_cell, Decision& out) {
@@ -155,10 +174,14 @@ CellRect Explorer::explored_region(const Pose& pose) const {
 }
 
 Decision Explorer::select_global_goal(const Pose& pose) {
+  return select_frontier(pose, FrontierRule::kNearest);
+}
+
+Decision Explorer::select_frontier(const Pose& pose, FrontierRule rule) {
   // Only when nothing is left with room to spare the robot squeezes through narrow places.
   for (const Clearance clearance : {Clearance::kPreferred, Clearance::kTight}) {
     plan_everywhere(pose, clearance);
-    if (const auto frontier = choose_frontier()) return drive_to(*frontier);
+    if (const auto frontier = choose_frontier(rule)) return drive_to(*frontier);
     if (config_.paths.tight_radius_um == 0) break;
   }
   return config_.return_to_start ? select_return(pose) : stay();
@@ -169,9 +192,9 @@ void Explorer::plan_everywhere(const Pose& pose, Clearance clearance) {
   tight_ = clearance == Clearance::kTight;
 }
 
-std::optional<FrontierGoal> Explorer::choose_frontier() {
+std::optional<FrontierGoal> Explorer::choose_frontier(FrontierRule rule) {
   // Frontiers that were tried in vain several times are given up, so this loop ends.
-  while (const auto frontier = next_frontier()) {
+  while (const auto frontier = next_frontier(rule)) {
     if (worth_trying(*frontier)) return frontier;
   }
   return std::nullopt;
@@ -190,18 +213,6 @@ bool Explorer::worth_trying(const FrontierGoal& frontier) {
   return false;
 }
 
-// The nearest wide frontier by the local map's paths, when it is close by. After observe().
-std::optional<FrontierGoal> Explorer::nearby_frontier() const {
-  const std::int32_t reach = config_.nearby_frontier_um / map_.frame().cell_um();
-  if (reach == 0) return std::nullopt;
-  constexpr int kMiddle = kPolicyCells / 2;
-  const CellRect around = state_.grid.block(kMiddle * kPolicyCells + kMiddle).grown(reach);
-  const auto nearest =
-      nearest_frontier(map_, paths_, around, stand_off_cells(), config_.wide_frontier_size);
-  if (!nearest || nearest->path_cost > reach * path::kStraight) return std::nullopt;
-  return nearest;
-}
-
 Decision Explorer::drive_to(const FrontierGoal& frontier) {
   Decision decision;
   decision.kind = Decision::Kind::kGlobalGoal;
@@ -209,19 +220,29 @@ Decision Explorer::drive_to(const FrontierGoal& frontier) {
   return planned(decision);
 }
 
-std::optional<FrontierGoal> Explorer::next_frontier() const {
+std::optional<FrontierGoal> Explorer::next_frontier(FrontierRule rule) const {
   if (config_.region_cells > 0) {
     // Less than a sixteenth of a region is crumbs: those are collected last, nearest first.
     const std::int32_t least = config_.region_cells * config_.region_cells / 16;
     if (const auto rich = richest_region(map_, paths_, config_.region_cells, least)) return rich;
   }
-  const auto nearest = [this](int size) {
-    return nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(), size);
-  };
   // Slits along walls are collected last: they cost as much driving as doorways do.
-  const auto wide = nearest(config_.wide_frontier_size);
+  const auto wide = find_frontier(rule, config_.wide_frontier_size);
   const bool looked_at_all = config_.wide_frontier_size <= config_.min_frontier_size;
-  return wide || looked_at_all ? wide : nearest(config_.min_frontier_size);
+  return wide || looked_at_all ? wide : find_frontier(rule, config_.min_frontier_size);
+}
+
+std::optional<FrontierGoal> Explorer::find_frontier(FrontierRule rule, int min_size) const {
+  if (rule == FrontierRule::kNearest) {
+    return nearest_frontier(map_, paths_, paths_.region(), stand_off_cells(), min_size);
+  }
+  const auto best = best_view(min_size);
+  return best ? std::optional(best->goal) : std::nullopt;
+}
+
+std::optional<FrontierView> Explorer::best_view(int min_size) const {
+  return best_frontier_view(map_, paths_, paths_.region(), view_reach_cells(), stand_off_cells(),
+                            min_size);
 }
 
 // Whether there is still something to see at what was chosen to be looked at.

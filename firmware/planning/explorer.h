@@ -13,6 +13,7 @@
 #include "firmware/nn/q_function.h"
 #include "firmware/planning/frontier.h"
 #include "firmware/planning/path_planner.h"
+#include "firmware/planning/view_planner.h"
 
 namespace ivfm {
 
@@ -23,9 +24,10 @@ struct ExplorerConfig {
   std::int32_t pool = 8;                   // map cells along a policy cell's side
   // Fewer reachable frontier cells than this in the local map: nothing worth visiting there.
   std::int32_t min_local_frontier = 6;
-  // A wide frontier no further away than this is looked at before the policy is asked: coming back
-  // for it later costs more. 0: never.
-  std::int32_t nearby_frontier_um = 0;
+  // Frontiers are weighed by what the view from there would show (see view_planner.h), up to so
+  // far, and the policy's choice is weighed against them; 0: the policy decides alone while the
+  // local map is worth visiting, then the nearest frontier is next.
+  std::int32_t view_reach_um = 0;
   // Where robots may drive into the unknown: so many unseen cells must be in reach instead.
   std::int32_t min_local_unseen = 0;
   // Side of the regions of the whole map that such robots compare when the local map is not worth
@@ -65,7 +67,7 @@ struct ExplorerConfig {
     c.paths.unknown_is_traversable = false;
     c.min_frontier_size = 3;
     c.min_local_frontier = 100;
-    c.nearby_frontier_um = visit_range_um * 2 / 5;
+    c.view_reach_um = visit_range_um;
     c.wide_frontier_size = 5;  // a straight one across the 5 x 5 cells that are looked at
     const std::int32_t pool = (visit_range_um * 4 / cell_um + 31) / 32;
     c.pool = pool < 1 ? 1 : (pool > kMaxPool ? kMaxPool : pool);
@@ -77,7 +79,7 @@ struct ExplorerConfig {
 struct Decision {
   enum class Kind : std::uint8_t {
     kLocalGoal,   // the policy's choice in the local map
-    kGlobalGoal,  // a frontier: one close by, or, with nothing worth visiting here, any
+    kGlobalGoal,  // a frontier, wherever in the whole map
     kReturn,      // explored: back to the start
     kExplored,    // nothing left to explore; stay
   };
@@ -120,9 +122,9 @@ class Explorer {
   // Whether the local map holds anything worth visiting. After observe().
   bool local_map_is_worth_visiting() const;
 
-  // The whole decision: observe; a frontier close by; evaluate, masked argmax; else the nearest
-  // frontier of the whole map; else explored. The path to the goal is planned. A failing `q` counts
-  // as "no local goal".
+  // The whole decision: observe; evaluate, masked argmax; else a frontier of the whole map; else
+  // explored. With config().view_reach_um the frontier comes first when the view from there is
+  // worth more. The path to the goal is planned. A failing `q` counts as "no local goal".
   Decision decide(const Pose& pose, QFunction& q);
   // A goal chosen by somebody else (baselines, trainer). After observe(). kUnavailable: out of
   // reach; kInvalidArgument: no such policy cell. Plans the path.
@@ -174,12 +176,18 @@ class Explorer {
   Cell robot_cell(const Pose& pose) const { return map_.frame().cell_at(pose.position); }
   CellRect explored_region(const Pose& pose) const;
   Decision drive_to(const FrontierGoal& frontier);
-  Decision select_best(std::span<const std::int32_t> q_values);
+  std::int32_t best_policy_cell() const;
+  Decision follow_policy(std::int32_t favourite);
+  ViewValue view_from(std::int32_t favourite) const;
+  std::optional<FrontierView> best_view(int min_size) const;
+  std::int32_t view_reach_cells() const { return config_.view_reach_um / map_.frame().cell_um(); }
   void plan_everywhere(const Pose& pose, Clearance clearance);
-  std::optional<FrontierGoal> nearby_frontier() const;
   bool worth_trying(const FrontierGoal& frontier);
-  std::optional<FrontierGoal> choose_frontier();
-  std::optional<FrontierGoal> next_frontier() const;
+  enum class FrontierRule : std::uint8_t { kNearest, kBestView };
+  std::optional<FrontierGoal> choose_frontier(FrontierRule rule);
+  std::optional<FrontierGoal> next_frontier(FrontierRule rule) const;
+  std::optional<FrontierGoal> find_frontier(FrontierRule rule, int min_size) const;
+  Decision select_frontier(const Pose& pose, FrontierRule rule);
   bool is_open(Cell c) const;
   Decision return_or_stay(const Pose& pose);
   Decision stay();

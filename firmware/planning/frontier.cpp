@@ -8,36 +8,6 @@ namespace {
 
 constexpr Cell kNeighbours[] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
 
-// The frontier itself where it can be reached, else the cheapest cell within `stand_off` of it.
-std::optional<FrontierGoal> best_stand(const ExplorationMap& map, const ShortestPathMap& paths,
-                                       Cell frontier, std::int32_t stand_off) {
-  FrontierGoal best{frontier, frontier, paths.cost_at(map, frontier)};
-  if (best.path_cost != path::kUnreachable) return best;
-  const CellRect near =
-      CellRect{frontier.x, frontier.y, 1, 1}.grown(stand_off).intersection(paths.region());
-  for (std::int32_t y = near.y; y < near.top(); ++y) {
-    for (std::int32_t x = near.x; x < near.right(); ++x) {
-      const std::uint16_t cost = paths.cost_at(map, {x, y});
-      if (cost >= best.path_cost) continue;
-      best.path_cost = cost;
-      best.stand = {x, y};
-    }
-  }
-  if (best.path_cost == path::kUnreachable) return std::nullopt;
-  return best;
-}
-
-// Calls visit(cell) for every frontier cell of `rect` until it returns false.
-template <typename Visit>
-void for_each_frontier(const ExplorationMap& map, const CellRect& rect, Visit visit) {
-  const CellRect inside = rect.intersection(map.frame().window().grown(-1));
-  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
-    for (std::int32_t x = inside.x; x < inside.right(); ++x) {
-      if (is_frontier(map, {x, y}) && !visit(Cell{x, y})) return;
-    }
-  }
-}
-
 // The cost of driving to an unseen cell that was not given up; kUnreachable for all others.
 std::uint16_t unseen_cost(const ExplorationMap& map, const ShortestPathMap& paths, Cell c) {
   if (map.is_seen(c) || map.is_given_up(c)) return path::kUnreachable;
@@ -97,6 +67,24 @@ bool is_frontier(const ExplorationMap& map, Cell c) {
     if (map.is_seen(n) && !map.is_obstacle(n)) return true;
   }
   return false;
+}
+
+std::optional<FrontierGoal> best_stand(const ExplorationMap& map, const ShortestPathMap& paths,
+                                       Cell frontier, std::int32_t stand_off) {
+  FrontierGoal best{frontier, frontier, paths.cost_at(map, frontier)};
+  if (best.path_cost != path::kUnreachable) return best;
+  const CellRect near =
+      CellRect{frontier.x, frontier.y, 1, 1}.grown(stand_off).intersection(paths.region());
+  for (std::int32_t y = near.y; y < near.top(); ++y) {
+    for (std::int32_t x = near.x; x < near.right(); ++x) {
+      const std::uint16_t cost = paths.cost_at(map, {x, y});
+      if (cost >= best.path_cost) continue;
+      best.path_cost = cost;
+      best.stand = {x, y};
+    }
+  }
+  if (best.path_cost == path::kUnreachable) return std::nullopt;
+  return best;
 }
 
 bool is_wide_frontier(const ExplorationMap& map, Cell c, int min_size) {

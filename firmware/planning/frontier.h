@@ -24,6 +24,22 @@ struct FrontierGoal {
   bool operator==(const FrontierGoal&) const = default;
 };
 
+// The frontier itself where it can be reached, else the cheapest cell within `stand_off` of it; no
+// value when there is none.
+std::optional<FrontierGoal> best_stand(const ExplorationMap& map, const ShortestPathMap& paths,
+                                       Cell frontier, std::int32_t stand_off);
+
+// Calls visit(cell) for every frontier cell of `rect` until it returns false.
+template <typename Visit>
+void for_each_frontier(const ExplorationMap& map, const CellRect& rect, Visit visit) {
+  const CellRect inside = rect.intersection(map.frame().window().grown(-1));
+  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
+    for (std::int32_t x = inside.x; x < inside.right(); ++x) {
+      if (is_frontier(map, {x, y}) && !visit(Cell{x, y})) return;
+    }
+  }
+}
+
 // The frontier in `rect` whose standing place costs least to reach by the last computed shortest
 // path map; no value when none is reachable. A frontier that cannot be stood
 // on, such as one along a wall, is looked at from up to `stand_off` cells away. `min_size`: see

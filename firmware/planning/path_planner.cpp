@@ -75,6 +75,10 @@ bool line_is_blocked(const ExplorationMap& map, Cell a, Cell b, std::int32_t lea
   return !every_cell_on_line(a, b, [&](Cell c) { return leave-- > 0 || !map.is_blocked(c); });
 }
 
+bool line_is_clear(const ExplorationMap& map, Cell a, Cell b) {
+  return every_cell_on_line(a, b, [&](Cell c) { return !map.is_obstacle(c); });
+}
+
 Status plan_path(const ExplorationMap& map, const ShortestPathMap& paths, Cell goal,
                  WaypointPath& out) {
   out.clear();

@@ -39,6 +39,9 @@ bool line_is_traversable(const ExplorationMap& map, const ShortestPathMap& paths
 // `a` to `b`; the first `leave` cells do not count.
 bool line_is_blocked(const ExplorationMap& map, Cell a, Cell b, std::int32_t leave);
 
+// Whether nothing known to be an obstacle stands between `a` and `b`.
+bool line_is_clear(const ExplorationMap& map, Cell a, Cell b);
+
 // Fills `out` with the waypoints from the robot (where the shortest path map was computed) to
 // `goal`. kUnavailable: the goal is out of reach.
 Status plan_path(const ExplorationMap& map, const ShortestPathMap& paths, Cell goal,

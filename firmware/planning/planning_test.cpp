@@ -6,6 +6,7 @@
 
 #include "firmware/planning/frontier.h"
 #include "firmware/planning/path_planner.h"
+#include "firmware/planning/view_planner.h"
 
 namespace ivfm {
 namespace {
@@ -103,6 +104,48 @@ TEST(RichestRegion, LeavesOutWhatIsOutOfReachOrGivenUp) {
   world.map.set_flag({1, 1}, cell_flag::kGivenUp);
   world.map.set_flag({2, 1}, cell_flag::kGivenUp);
   EXPECT_EQ(richest_region(world.map, world.paths, 4, 1), std::nullopt);
+}
+
+TEST(View, CountsUnseenCellsInReachAsADiscDoesAndNothingBehindWalls) {
+  Drawn open({"."});
+  const std::int32_t disc = unseen_in_view(open.map, {0, 0}, 20);
+  EXPECT_NEAR(disc, 1257, 70) << "pi times 20 squared";
+  Drawn walled({"#########",  //
+                "#.......#",  //
+                "#.......#",  //
+                "#########"});
+  EXPECT_EQ(unseen_in_view(walled.map, {4, 1}, 20), 0);
+}
+
+TEST(View, AViewIsWeighedAgainstTheWayToIt) {
+  // A speck of unseen cells three cells to the west; a door to the unknown eight to the east.
+  Drawn world({"####################",  //
+               "#..  ..............#",  //
+               "#..  ..............#",  //
+               "#...................",  //
+               "#...................",  //
+               "#...................",  //
+               "####################"});
+  world.paths.compute(world.map, {8, 3}, world.region.grown(4));
+  const auto nearest = nearest_frontier(world.map, world.paths, world.region.grown(4), 1, 2);
+  const auto best = best_frontier_view(world.map, world.paths, world.region.grown(4), 12, 1, 2);
+  ASSERT_TRUE(nearest && best);
+  EXPECT_LT(nearest->frontier.x, 8);
+  EXPECT_EQ(best->goal.frontier.x, 20);
+  EXPECT_TRUE(ViewValue({10, 2}).is_better_than({14, 3}));
+  EXPECT_FALSE(ViewValue({10, 2}).is_better_than({15, 3}));
+}
+
+TEST(View, FrontiersInSightOfEachOtherCountForEachOther) {
+  const std::vector<std::string> rows{"#####################",  //
+                                      "#...................#",  //
+                                      "#...................#",  //
+                                      "#...................#",  //
+                                      "#####################"};
+  Drawn world(rows);
+  const ViewValue alone = value_of_view(world.map, {5, 2}, 12, 30, 2);
+  const ViewValue two = value_of_view(world.map, {5, 2}, 12, 30, 3);
+  EXPECT_EQ(alone.cells * 3, two.cells * 2) << "nothing unseen in view: only what is closed counts";
 }
 
 TEST(PathPlanner, AStraightWayIsOneWaypoint) {

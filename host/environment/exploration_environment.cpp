@@ -134,6 +134,7 @@ EnvironmentConfig EnvironmentConfig::building(std::int32_t sensor_range_um) {
   c.body_radius_um = c.explorer.robot_radius_um;
   // A robot may be 0.7 cell from the middle of its cell, and so may an obstacle's surface.
   c.explorer.robot_radius_um += c.cell_um * 7 / 5;
+  c.explorer.paths.tight_radius_um = c.body_radius_um + c.cell_um;  // as on board
   c.sensor = SensorModel::kLidar;
   c.sensor_range_um = sensor_range_um;
   c.view_every_steps = 250;

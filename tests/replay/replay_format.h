@@ -60,7 +60,11 @@ void for_each_setting(Config& config, Visitor&& visit) {
   visit(explorer.paths.unknown_is_traversable);
   visit(explorer.robot_radius_um);
   visit(explorer.pool);
+  visit(explorer.paths.tight_radius_um);
   visit(explorer.min_local_frontier);
+  visit(explorer.view_reach_um);
+  visit(explorer.min_frontier_size);
+  visit(explorer.wide_frontier_size);
   visit(explorer.min_goal_distance_um);
   visit(explorer.return_to_start);
   visit(explorer.rolling_window);

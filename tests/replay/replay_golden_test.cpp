@@ -18,7 +18,7 @@ namespace ivfm::host {
 namespace {
 
 constexpr std::uint64_t kMapHash = 0x7d292a56afaff9fa;
-constexpr std::uint64_t kGoalsHash = 0xd9cc60fa044441f1;
+constexpr std::uint64_t kGoalsHash = 0x5e2317ad21e5f573;
 
 const std::string kRecording =
     std::string(IVFM_SOURCE_DIR) + "/tests/golden/telecom_faculty.recording";

@@ -90,7 +90,6 @@ TEST(RecordedAgent, DecidesAndSendsTheSameEverywhere) {
   const Played played = play_corridor(read_file("corridor.replay"), read_file("replay_model.ivfm"));
   EXPECT_EQ(played.status, Status::kOk);
   EXPECT_GE(played.summary.decisions, 100u);
-  EXPECT_GE(played.summary.local_goals, 50u);
   EXPECT_EQ(played.summary.unused_steps, 0u) << "the agent asks its ports differently now";
   EXPECT_EQ(played.summary.hash, golden_hash("corridor")) << std::hex << played.summary.hash;
 }
