@@ -27,7 +27,8 @@ struct AgentOptions {
   std::string key;              // file with this robot's radio key; empty: no encryption
   bool plain_radio = false;     // goes without a key even when the server is another machine
   std::int64_t radio_rate = 0;  // bytes a second that may be sent; 0: no limit
-  std::string model;  // quantized Q-network; empty: goes to the nearest unexplored place instead
+  std::string
+      model;  // quantized Q-network; empty: goes by what the views from frontiers would show
   ProfileChoice profile = ProfileChoice::kRobot;
   LocalizationChoice localization = LocalizationChoice::kMatching;
   double start_x_m = 0;  // pose in the map at start-up
