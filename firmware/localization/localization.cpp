@@ -84,6 +84,11 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
       match_.near >= kManyNear) {
     match_.outcome = MatchOutcome::kPoorFit;
   }
+  // Who has not matched once since the start knows nothing but where it was told to be: a map from
+  // before a restart that does not fit is no reason to stand still for good.
+  if (match_.outcome == MatchOutcome::kPoorFit && counters_.matched == 0) {
+    match_.outcome = MatchOutcome::kUnknownPlace;
+  }
   judge(match_.outcome, map);
   if (match_.outcome == MatchOutcome::kMatched) {
     covariance_ = match_.covariance;

@@ -90,9 +90,12 @@ std::optional<FrontierGoal> best_stand(const ExplorationMap& map, const Shortest
 bool is_wide_frontier(const ExplorationMap& map, Cell c, int min_size) {
   int size = 0;
   for (std::int32_t y = c.y - 2; y <= c.y + 2; ++y) {
-    for (std::int32_t x = c.x - 2; x <= c.x + 2; ++x) size += is_frontier(map, {x, y}) ? 1 : 0;
+    for (std::int32_t x = c.x - 2; x <= c.x + 2; ++x) {
+      size += is_frontier(map, {x, y}) ? 1 : 0;
+      if (size >= min_size) return true;
+    }
   }
-  return size >= min_size;
+  return false;
 }
 
 std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
