@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "firmware/mapping/scan_fusion.h"
+#include "tests/support/drawn_walls.h"
 
 namespace ivfm {
 namespace {
@@ -14,29 +15,7 @@ namespace {
 constexpr std::int32_t kCellUm = 50'000;
 constexpr std::int32_t kWindowCells = 256;
 
-struct Wall {
-  double x0, y0, x1, y1;  // metres
-};
-
-const std::vector<Wall> kRoom{{-2, -1.5, 3, -1.5}, {3, -1.5, 3, 2.5},  {3, 2.5, -2, 2.5},
-                              {-2, 2.5, -2, -1.5}, {1, 0.8, 1.7, 0.8}, {1, 0.8, 1, 1.6}};
-const std::vector<Wall> kCorridor{{-50, -1.02, 50, -1.02}, {-50, 0.91, 50, 0.91}};
 const Pose kTruth{{-300'000, 200'000}, BinaryAngle::from_degrees(20)};
-
-double cast_m(const std::vector<Wall>& walls, const Pose& from, BinaryAngle bearing) {
-  double nearest = 12;
-  const double c = std::cos((from.heading + bearing).radians());
-  const double s = std::sin((from.heading + bearing).radians());
-  const double x = from.position.x_um * 1e-6, y = from.position.y_um * 1e-6;
-  for (const Wall& w : walls) {
-    const double ex = w.x1 - w.x0, ey = w.y1 - w.y0, cross = c * ey - s * ex;
-    if (std::abs(cross) < 1e-12) continue;
-    const double along = ((w.x0 - x) * ey - (w.y0 - y) * ex) / cross;
-    const double part = ((w.x0 - x) * s - (w.y0 - y) * c) / cross;
-    if (along > 0 && along < nearest && part >= 0 && part <= 1) nearest = along;
-  }
-  return nearest < 12 ? nearest : 0;
-}
 
 class StartAlignmentTest : public testing::Test {
  protected:
@@ -44,8 +23,9 @@ class StartAlignmentTest : public testing::Test {
     scan_.clear();
     for (int i = 0; i < 400; ++i) {
       const BinaryAngle bearing(static_cast<std::uint16_t>(i * 65536 / 400));
-      const auto range_mm =
-          static_cast<std::uint16_t>(std::lround(1000 * cast_m(walls, pose, bearing)));
+      const auto range_mm = static_cast<std::uint16_t>(
+          std::lround(1000 * cast_m(walls, pose.position.x_um * 1e-6, pose.position.y_um * 1e-6,
+                                    (pose.heading + bearing).radians())));
       (void)scan_.push({bearing, range_mm, range_mm > 0 ? Echo::kHit : Echo::kNothing, 40});
     }
     return scan_;
