@@ -15,6 +15,15 @@ constexpr double kStillTurn = 0.0005;    // radians
 constexpr std::uint8_t kLostAfter = 4;   // revolutions in a row that contradict the map
 constexpr std::uint8_t kTrustAfter = 2;  // that fit again before the map is painted on
 constexpr std::uint16_t kManyNear = 30;
+// Odometry that errs more than it should: a match this far from the prediction, in squared standard
+// deviations of three numbers, is a surprise. Each makes its variances larger, each match without
+// one smaller again.
+constexpr double kSurprise = 6;
+constexpr double kMistrustGrowth = 4;
+constexpr double kMistrustDecay = 15.0 / 16;
+constexpr double kMostMistrust = 1024;
+// A prediction that contradicts the map is less sure than it says: its covariance grows.
+constexpr double kContradictionGrowth = 4;
 constexpr Symmetric3 kStartCovariance{1e-6, 0, 0, 1e-6, 0, 1e-6};
 
 }  // namespace
@@ -29,6 +38,7 @@ void Localization::reset(const Pose& pose) {
   poor_in_a_row_ = distrust_ = 0;
   lost_ = false;
   covariance_ = kStartCovariance;
+  mistrust_ = 1;
 }
 
 Status Localization::add_wheels(std::int32_t left_counts, std::int32_t right_counts,
@@ -36,6 +46,12 @@ Status Localization::add_wheels(std::int32_t left_counts, std::int32_t right_cou
   const Status status = odometry_.update(left_counts, right_counts, measured_us);
   if (ok(status)) history_.add(measured_us, odometry_.pose());
   return status;
+}
+
+void Localization::deskew(const Scan& scan, TimeUs start_us, TimeUs end_us, Scan& out) {
+  ivfm::deskew(scan, start_us, end_us, history_, out);
+  const BinaryAngle turn = history_.at(end_us).heading - history_.at(start_us).heading;
+  turned_ = static_cast<std::uint16_t>(std::abs(int{turn.signed_raw()}));
 }
 
 Pose Localization::to_map(const Pose& in_odometry) const {
@@ -65,8 +81,7 @@ void Localization::predict(const Pose& in_odometry) {
   const double drift = config_.drift_rad_per_sqrt_m * config_.drift_rad_per_sqrt_m * metres +
                        config_.turn_error * config_.turn_error * turn * turn +
                        kStillTurn * kStillTurn;
-  p = p + Symmetric3{slip, 0, 0, slip, 0, drift};
-  turned_ = static_cast<std::uint16_t>(std::abs(int{(now.heading - before.heading).signed_raw()}));
+  p = p + Symmetric3{slip * mistrust_, 0, 0, slip * mistrust_, 0, drift * mistrust_};
   matched_ = in_odometry;
 }
 
@@ -78,7 +93,8 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
     relocate(map, scan);
     return MatchOutcome::kPoorFit;
   }
-  match_ = matcher_.match(map, surfaces_, to_map(in_odometry), covariance_, scan);
+  const Pose predicted = to_map(in_odometry);
+  match_ = matcher_.match(map, surfaces_, predicted, covariance_, scan);
   // Where a robot has been its surroundings are known: a place near which nothing is, is elsewhere.
   if (match_.outcome == MatchOutcome::kUnknownPlace && counters_.matched > 0 &&
       match_.near >= kManyNear) {
@@ -91,10 +107,18 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
   }
   judge(match_.outcome, map);
   if (match_.outcome == MatchOutcome::kMatched) {
+    judge_odometry(difference(match_.pose, predicted));
     covariance_ = match_.covariance;
     put_at(match_.pose, in_odometry);
   }
   return match_.outcome;
+}
+
+// How far the match is from the prediction, against how far it should be.
+void Localization::judge_odometry(const Vector3& off) {
+  const double squares = dot(off, covariance_.inverse() * off);
+  mistrust_ = squares > kSurprise ? std::min(mistrust_ * kMistrustGrowth, kMostMistrust)
+                                  : std::max(mistrust_ * kMistrustDecay, 1.0);
 }
 
 void Localization::judge(MatchOutcome outcome, const ExplorationMap& map) {
@@ -105,6 +129,7 @@ void Localization::judge(MatchOutcome outcome, const ExplorationMap& map) {
     return;
   }
   ++counters_.poor;
+  covariance_ = covariance_ * kContradictionGrowth;
   distrust_ = std::max(distrust_, kTrustAfter);
   if (++poor_in_a_row_ < kLostAfter) return;
   poor_in_a_row_ = 0;

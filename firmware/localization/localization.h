@@ -56,9 +56,7 @@ class Localization {
   Pose pose() const { return to_map(odometry_.pose()); }
   Pose pose_at(TimeUs time_us) const { return to_map(history_.at(time_us)); }
   // As ivfm::deskew() by the odometry, which no correction makes jump. Requires ready().
-  void deskew(const Scan& scan, TimeUs start_us, TimeUs end_us, Scan& out) const {
-    ivfm::deskew(scan, start_us, end_us, history_, out);
-  }
+  void deskew(const Scan& scan, TimeUs start_us, TimeUs end_us, Scan& out);
   // The surfaces that a scan (after deskew()) saw, until the next correct().
   std::span<const SurfaceSample> surfaces_in(const Scan& scan, std::int32_t cell_um) {
     matcher_.look_at(scan, cell_um);
@@ -88,6 +86,7 @@ class Localization {
 
  private:
   void predict(const Pose& in_odometry);
+  void judge_odometry(const Vector3& off);
   void judge(MatchOutcome outcome, const ExplorationMap& map);
   void relocate(const ExplorationMap& map, const Scan& scan);
   void put_at(const Pose& pose, const Pose& in_odometry);
@@ -102,9 +101,10 @@ class Localization {
   ScanMatch match_;
   Relocation relocation_;
   Pose correction_;           // T_map_odom
-  std::uint16_t turned_ = 0;  // since the revolution before
+  std::uint16_t turned_ = 0;  // during the revolution
   Pose matched_;              // in the odometry's frame, at the last revolution
   Symmetric3 covariance_{};   // of the pose in the map then: metres and radians
+  double mistrust_ = 1;       // factor of the odometry's variances
   std::uint8_t poor_in_a_row_ = 0;
   std::uint8_t distrust_ = 0;  // so many revolutions have to fit
   bool lost_ = false;

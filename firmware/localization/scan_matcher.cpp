@@ -14,8 +14,10 @@ constexpr std::int32_t kSearchTurn = 182;     // binary angle units: a degree
 constexpr double kRadiansPerUnit = 6.283185307179586 / 65536;
 // A sample's distance at weight 256 is known to 1 cm.
 constexpr double kInformationPerSample = 1 / (0.01 * 0.01);
+constexpr double kReachSquares = 9;          // squared standard deviations
 constexpr std::uint16_t kNearWeight = 79;    // 3 m
-constexpr std::int32_t kMaxSearchCells = 4;  // along each axis
+constexpr std::int32_t kMaxSearchCells = 4;  // along each axis, in steps
+constexpr std::int32_t kMaxStride = 3;
 
 std::int32_t rounded(double value) {
   return static_cast<std::int32_t>(value + (value < 0 ? -0.5 : 0.5));
@@ -32,14 +34,13 @@ Pose moved(const Pose& pose, const Vector3& step) {
       pose.heading + to_angle(rounded(step[2] / kRadiansPerUnit))};
 }
 
-// From `to` to `from`, in metres and radians.
+}  // namespace
+
 Vector3 difference(const Pose& from, const Pose& to) {
   return {(from.position.x_um - to.position.x_um) * 1e-6,
           (from.position.y_um - to.position.y_um) * 1e-6,
           (from.heading - to.heading).signed_raw() * kRadiansPerUnit};
 }
-
-}  // namespace
 
 ScanMatch ScanMatcher::match(const ExplorationMap& map, const SurfaceMap& surfaces,
                              const Pose& predicted, const Symmetric3& covariance,
@@ -61,10 +62,10 @@ ScanMatch ScanMatcher::match(const ExplorationMap& map, const SurfaceMap& surfac
     return nothing;
   }
   if (!explains(best, kGoodFitPercent)) {
-    const ScanMatch other = refine(search(predicted), predicted, information);
+    const ScanMatch other = refine(search(predicted, covariance), predicted, information);
     if (other.fitting > best.fitting) best = other;
   }
-  if (!in_reach(best.pose, predicted) || !explains(best, config_.min_fit_percent)) {
+  if (!in_reach(best, predicted, information) || !explains(best, config_.min_fit_percent)) {
     nothing.judged = best.judged;
     nothing.fitting = best.fitting;
     nothing.outcome = MatchOutcome::kPoorFit;
@@ -80,7 +81,7 @@ ScanMatch ScanMatcher::locate(const ExplorationMap& map, const SurfaceMap& surfa
   map_ = &map;
   surfaces_ = &surfaces;
   look_at(scan, map.frame().cell_um());
-  const Pose start = search(guess);
+  const Pose start = search_in_steps(guess, 1);
   ScanMatch found = refine(start, start, kAnywhereNear.inverse());
   std::size_t flat = 0;
   for (const SurfaceSample& sample : scan_surfaces_.samples()) flat += sample.is_flat() ? 1 : 0;
@@ -164,48 +165,74 @@ ScanMatcher::Evidence ScanMatcher::weigh(const Pose& pose, std::int32_t kernel_u
   return sum;
 }
 
-bool ScanMatcher::in_reach(const Pose& pose, const Pose& predicted) const {
-  return std::abs(pose.position.x_um - predicted.position.x_um) <= config_.search_um &&
-         std::abs(pose.position.y_um - predicted.position.y_um) <= config_.search_um &&
-         std::abs(int{(pose.heading - predicted.heading).signed_raw()}) <= config_.search_angle;
+// As far off as is always searched; or as the prediction may be by its own covariance, if nearly
+// all of the scan says so.
+bool ScanMatcher::in_reach(const ScanMatch& match, const Pose& predicted,
+                           const Symmetric3& information) const {
+  const Pose& pose = match.pose;
+  if (std::abs(pose.position.x_um - predicted.position.x_um) <= config_.search_um &&
+      std::abs(pose.position.y_um - predicted.position.y_um) <= config_.search_um &&
+      std::abs(int{(pose.heading - predicted.heading).signed_raw()}) <= config_.search_angle) {
+    return true;
+  }
+  const Vector3 off = difference(pose, predicted);
+  return explains(match, kGoodFitPercent) && dot(off, information * off) <= kReachSquares;
 }
 
-// The whole reach in steps of a cell and two degrees: where most samples lie in obstacles. Steps of
-// whole cells move all samples by whole cells, so each is turned only once.
-Pose ScanMatcher::search(const Pose& predicted) const {
+// Coarse to fine: a prediction that may be off farther than the reach is searched in wider steps
+// first, near obstacles.
+Pose ScanMatcher::search(const Pose& predicted, const Symmetric3& covariance) const {
+  const double reach_m = config_.search_um * 1e-6, turn = config_.search_angle * kRadiansPerUnit;
+  const double squares = std::max(std::max(covariance.xx, covariance.yy) / (reach_m * reach_m),
+                                  covariance.tt / (turn * turn));
+  std::int32_t stride = 1;
+  while (stride < kMaxStride && kReachSquares * squares > stride * stride) ++stride;
+  Pose best = predicted;
+  if (stride > 1) best = search_in_steps(best, stride);
+  return search_in_steps(best, 1);
+}
+
+// The reach, `stride` times as wide, in steps of as many cells and twice as many degrees: where
+// most samples lie in obstacles, or near them when the steps are wide. Steps of whole cells move
+// all samples by whole cells, so each is turned only once.
+Pose ScanMatcher::search_in_steps(const Pose& middle, std::int32_t stride) const {
   const GridFrame& frame = map_->frame();
   const std::int32_t turns = config_.search_angle / (2 * kSearchTurn);
   const std::int32_t reach = std::min(kMaxSearchCells, config_.search_um / frame.cell_um());
   const std::int32_t side = 2 * reach + 1;
   std::array<std::uint8_t, (2 * kMaxSearchCells + 1) * (2 * kMaxSearchCells + 1)> hits;
   static_assert(ScanSurfaces::kMaxSamples <= 255);
-  Pose best = predicted;
+  Pose best = middle;
   int most = -1;
   for (std::int32_t turn = -turns; turn <= turns; ++turn) {
-    const Pose turned{predicted.position, predicted.heading + to_angle(turn * 2 * kSearchTurn)};
+    const Pose turned{middle.position, middle.heading + to_angle(turn * stride * 2 * kSearchTurn)};
     hits.fill(0);
     for (const SurfaceSample& sample : scan_surfaces_.samples()) {
-      count_hits(frame.cell_at(transform(turned, sample.x_um, sample.y_um)), reach, hits);
+      count_hits(frame.cell_at(transform(turned, sample.x_um, sample.y_um)), reach, stride, hits);
     }
     for (std::int32_t i = 0; i < side * side; ++i) {
       if (int{hits[static_cast<std::size_t>(i)]} <= most) continue;
       most = hits[static_cast<std::size_t>(i)];
       best = turned;
-      best.position.x_um += (i % side - reach) * frame.cell_um();
-      best.position.y_um += (i / side - reach) * frame.cell_um();
+      best.position.x_um += (i % side - reach) * stride * frame.cell_um();
+      best.position.y_um += (i / side - reach) * stride * frame.cell_um();
     }
   }
   return best;
 }
 
-// Counts for each step which obstacles a sample in `cell` would lie in.
-void ScanMatcher::count_hits(Cell cell, std::int32_t reach, std::span<std::uint8_t> hits) const {
+// Counts for each step which obstacles a sample in `cell` would lie in, or near.
+void ScanMatcher::count_hits(Cell cell, std::int32_t reach, std::int32_t stride,
+                             std::span<std::uint8_t> hits) const {
   const GridFrame& frame = map_->frame();
+  const MapLayers& layers = map_->layers();
   std::size_t i = 0;
-  for (std::int32_t y = cell.y - reach; y <= cell.y + reach; ++y) {
-    for (std::int32_t x = cell.x - reach; x <= cell.x + reach; ++x, ++i) {
-      if (!frame.contains({x, y})) continue;
-      if (map_->layers().occupancy[frame.index_of({x, y})] > 0) ++hits[i];
+  for (std::int32_t y = -reach; y <= reach; ++y) {
+    for (std::int32_t x = -reach; x <= reach; ++x, ++i) {
+      const Cell c{cell.x + x * stride, cell.y + y * stride};
+      if (!frame.contains(c)) continue;
+      const std::size_t at = frame.index_of(c);
+      if (stride > 1 ? layers.inflation[at] != 0 : layers.occupancy[at] > 0) ++hits[i];
     }
   }
 }

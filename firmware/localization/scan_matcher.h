@@ -40,6 +40,9 @@ struct ScanMatch {
   std::uint16_t near = 0;     // samples within 3 m: places that a robot has mapped when it is there
 };
 
+// From `to` to `from`, in metres and radians.
+Vector3 difference(const Pose& from, const Pose& to);
+
 // The most likely pose, given the odometry's prediction with its covariance, and the scan's samples
 // with their distances from the map's surfaces, measured across the surface (point to line: Censi,
 // "An ICP variant using a point-to-line metric", ICRA 2008), by Gauss-Newton steps with a robust
@@ -78,9 +81,11 @@ class ScanMatcher {
   };
   Evidence weigh(const Pose& pose, std::int32_t kernel_um) const;
   ScanMatch refine(Pose start, const Pose& predicted, const Symmetric3& information) const;
-  Pose search(const Pose& predicted) const;
-  void count_hits(Cell cell, std::int32_t reach, std::span<std::uint8_t> hits) const;
-  bool in_reach(const Pose& pose, const Pose& predicted) const;
+  Pose search(const Pose& predicted, const Symmetric3& covariance) const;
+  Pose search_in_steps(const Pose& middle, std::int32_t stride) const;
+  void count_hits(Cell cell, std::int32_t reach, std::int32_t stride,
+                  std::span<std::uint8_t> hits) const;
+  bool in_reach(const ScanMatch& match, const Pose& predicted, const Symmetric3& information) const;
   bool explains(const ScanMatch& match, std::int32_t percent) const {
     return match.fitting * 100 >= match.judged * percent;
   }

@@ -148,6 +148,17 @@ TEST_F(ScanMatcherTest, AKidnappedRobotGetsNoWrongPose) {
   EXPECT_EQ(match(drawn, scan_from(kRoom, now)).outcome, MatchOutcome::kPoorFit);
 }
 
+TEST_F(ScanMatcherTest, AnUnsurePredictionIsSearchedAsFarAsItMayBeOff) {
+  const Pose truth{{120'000, 330'000}, BinaryAngle::from_degrees(31)};
+  draw(kRoom, truth);
+  const Scan& scan = scan_from(kRoom, truth);
+  const Pose far_off = shifted(truth, 430'000, -260'000, 14);
+  EXPECT_EQ(match(far_off, scan).outcome, MatchOutcome::kPoorFit);
+  const ScanMatch found = match(far_off, scan, kDoubt * 16);  // 40 cm, 12 degrees
+  ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
+  expect_found(found.pose, truth);
+}
+
 TEST_F(ScanMatcherTest, AnEmptyMapOrAnEmptyScanDecidesNothing) {
   const Pose pose{{0, 0}, BinaryAngle()};
   EXPECT_EQ(match(pose, scan_from(kRoom, pose)).outcome, MatchOutcome::kUnknownPlace);

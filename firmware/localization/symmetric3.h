@@ -8,6 +8,10 @@ namespace ivfm {
 
 using Vector3 = std::array<double, 3>;
 
+constexpr double dot(const Vector3& a, const Vector3& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
 struct Symmetric3 {
   double xx = 0, xy = 0, xt = 0, yy = 0, yt = 0, tt = 0;
 
@@ -17,6 +21,9 @@ struct Symmetric3 {
   constexpr Vector3 operator*(const Vector3& v) const {
     return {xx * v[0] + xy * v[1] + xt * v[2], xy * v[0] + yy * v[1] + yt * v[2],
             xt * v[0] + yt * v[1] + tt * v[2]};
+  }
+  constexpr Symmetric3 operator*(double factor) const {
+    return {xx * factor, xy * factor, xt * factor, yy * factor, yt * factor, tt * factor};
   }
   // Requires a positive definite matrix.
   constexpr Symmetric3 inverse() const {

@@ -97,6 +97,28 @@ Pose to_pose(const TruePose& pose) {
           BinaryAngle::from_radians(pose.heading_rad)};
 }
 
+Pose compose(const Pose& ab, const Pose& bc) {
+  return {transform(ab, bc.position.x_um, bc.position.y_um), ab.heading + bc.heading};
+}
+
+std::vector<ScanPoint> seen_from_axle(const std::vector<ScanPoint>& points,
+                                      const Pose& lidar_in_robot) {
+  if (lidar_in_robot == Pose{}) return points;
+  std::vector<ScanPoint> moved = points;
+  for (ScanPoint& point : moved) {
+    const std::int32_t range_um = std::int32_t{point.range_mm} * 1000;
+    const Point end = transform(lidar_in_robot, scale_q30(range_um, cos_q30(point.bearing)),
+                                scale_q30(range_um, sin_q30(point.bearing)));
+    point.bearing = point.echo == Echo::kNothing ? point.bearing + lidar_in_robot.heading
+                                                 : atan2_binary(end.y_um, end.x_um);
+    const double range_mm = std::hypot(end.x_um, end.y_um) * 1e-3;
+    if (point.echo != Echo::kNothing) {
+      point.range_mm = static_cast<std::uint16_t>(std::lround(range_mm));
+    }
+  }
+  return moved;
+}
+
 SensorNoise SensorNoise::preset(const std::string& name) {
   SensorNoise noise{OdometryNoise::preset(name), LidarModel{}, 0};
   if (name == "none") noise.lidar = LidarModel::preset("none");

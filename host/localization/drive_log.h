@@ -8,6 +8,7 @@
 
 #include "firmware/hal/clock.h"
 #include "firmware/lidar/scan.h"
+#include "firmware/localization/scan_matcher.h"
 #include "firmware/wheel_drive/diff_drive_kinematics.h"
 #include "host/simulator/mrpt_lidar.h"
 #include "host/simulator/robot_body.h"
@@ -16,6 +17,9 @@ namespace ivfm::host {
 
 // Rounded to micrometres and binary angles.
 Pose to_pose(const TruePose& pose);
+
+// No wheel of a drive log rolls faster: the times of recordings are rough.
+inline constexpr std::int32_t kMaxWheelUmS = 4'000'000;
 
 struct WheelSample {
   TimeUs arrived_us = 0, measured_us = 0;
@@ -36,6 +40,9 @@ struct TimedTruth {
 struct DriveLog {
   WheelGeometry wheels;
   Pose start;  // in the robot's map frame
+  // These two are other robots' in recordings; drive log files hold only drives of ours.
+  Pose lidar_in_robot;
+  std::int32_t matching_range_um = MatcherConfig{}.range_um;
   std::vector<WheelSample> wheel_samples;
   std::vector<Revolution> revolutions;
   std::vector<TimedTruth> truth;  // one a wheel sample
@@ -52,6 +59,13 @@ struct SensorNoise {
   // std::invalid_argument for other names.
   static SensorNoise preset(const std::string& name);
 };
+
+// T_a_b * T_b_c.
+Pose compose(const Pose& ab, const Pose& bc);
+
+// `points` as if the lidar sat in the middle of the axle, where the localization expects it.
+std::vector<ScanPoint> seen_from_axle(const std::vector<ScanPoint>& points,
+                                      const Pose& lidar_in_robot);
 
 // The same drive with worse sensors; `exact` is one with exact ones. One true motion then serves
 // every preset. The wheels' errors are RobotBody's, seen from the other side: here the robot has

@@ -14,7 +14,6 @@
 namespace ivfm::host {
 namespace {
 
-constexpr std::int32_t kMaxWheelUmS = 1'000'000;
 constexpr TimeUs kErrorPeriodUs = 100'000;
 constexpr std::int32_t kMappingRangeUm = 6'000'000;
 
@@ -39,7 +38,8 @@ class MatchingEstimator final : public PoseEstimator {
  public:
   explicit MatchingEstimator(const DriveLog& log)
       : map_(cells_.layers(), Profile::kCellUm, Profile::kWindowCells, 105'000),
-        localization_(config(), surfaces_.surface_entries, log.wheels, kMaxWheelUmS) {
+        localization_(config(log), surfaces_.surface_entries, log.wheels, kMaxWheelUmS),
+        lidar_in_robot_(log.lidar_in_robot) {
     fusion_config_.mapping_range_um = kMappingRangeUm;
     localization_.reset(log.start);
     map_.clear(map_.frame().cell_at(log.start.position));
@@ -50,8 +50,10 @@ class MatchingEstimator final : public PoseEstimator {
   void add_revolution(const Revolution& revolution) override {
     if (!localization_.ready()) return;
     raw_.clear();
-    for (const ScanPoint& point : revolution.points) (void)raw_.push(point);
-    const TimeUs delay_us = config().scan_delay_us;
+    for (const ScanPoint& point : seen_from_axle(revolution.points, lidar_in_robot_)) {
+      (void)raw_.push(point);
+    }
+    const TimeUs delay_us = LocalizationConfig{}.scan_delay_us;
     const TimeUs measured_us = revolution.end_us - delay_us;
     localization_.deskew(raw_, revolution.start_us - delay_us, measured_us, scan_);
     (void)localization_.correct(map_, scan_, measured_us);
@@ -75,9 +77,10 @@ class MatchingEstimator final : public PoseEstimator {
   }
 
  private:
-  static LocalizationConfig config() {
+  static LocalizationConfig config(const DriveLog& log) {
     LocalizationConfig config;
     config.matching = true;
+    config.matcher.range_um = log.matching_range_um;
     return config;
   }
 
@@ -86,6 +89,7 @@ class MatchingEstimator final : public PoseEstimator {
   ExplorationMap map_;
   FusionConfig fusion_config_;
   Localization localization_;
+  Pose lidar_in_robot_;
   Scan raw_{}, scan_{};
 };
 

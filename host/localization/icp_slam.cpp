@@ -20,7 +20,9 @@ constexpr std::size_t kRays = 720;
 
 class IcpSlam final : public PoseEstimator {
  public:
-  explicit IcpSlam(const DriveLog& log) : odometry_(log.wheels, 1'000'000) {
+  explicit IcpSlam(const DriveLog& log)
+      : odometry_(log.wheels, kMaxWheelUmS),
+        lidar_in_robot_(to_mrpt(to_true_pose(log.lidar_in_robot))) {
     odometry_.reset(log.start);
     builder_.setVerbosityLevel(mrpt::system::LVL_ERROR);
     configure();
@@ -81,10 +83,9 @@ class IcpSlam final : public PoseEstimator {
     icp.maxIterations = 80;
     icp.minAbsStep_trans = icp.minAbsStep_rot = 1e-6;
     icp.thresholdDist = 0.3;
-    icp.thresholdAng = 5 * std::numbers::pi / 180;
+    icp.thresholdAng = 0.15 * std::numbers::pi / 180;
     icp.ALFA = 0.8;
     icp.smallestThresholdDist = 0.05;
-
     icp.corresponding_points_decimation = 1;
   }
 
@@ -95,6 +96,7 @@ class IcpSlam final : public PoseEstimator {
     scan->aperture = static_cast<float>(2 * std::numbers::pi * (kRays - 1) / kRays);
     scan->rightToLeft = true;
     scan->maxRange = 12;
+    scan->sensorPose = mrpt::poses::CPose3D(lidar_in_robot_);
     scan->resizeScan(kRays);
     for (std::size_t i = 0; i < kRays; ++i) {
       scan->setScanRange(i, 0);
@@ -115,6 +117,7 @@ class IcpSlam final : public PoseEstimator {
   Odometry odometry_;
   PoseHistory history_;
   Scan raw_{}, scan_{};
+  mrpt::poses::CPose2D lidar_in_robot_;
   mrpt::slam::CMetricMapBuilderICP builder_;
   // initialize() stamps the start pose with the wall clock; the drive comes after it.
   mrpt::Clock::time_point began_ = mrpt::Clock::now();

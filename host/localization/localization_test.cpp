@@ -2,10 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "host/localization/drive_recorder.h"
 #include "host/localization/estimators.h"
+#include "host/localization/recorded_map.h"
+#include "host/simulator/rawlog_replay.h"
 
 namespace ivfm::host {
 namespace {
@@ -76,6 +79,41 @@ TEST_F(ShortDrive, ComesBackFromAFileAsItWas) {
   EXPECT_EQ(assess(log, *make_estimator("matching", log)).rms_m,
             assess_with("none", "matching").rms_m);
   EXPECT_THROW((void)load_drive_log(path), std::runtime_error);
+}
+
+// A wheelchair with its scanner 0.78 m before the axle, whose odometry and scans are not measured
+// at the same instants.
+class RealRecording : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists(kRawlog)) GTEST_SKIP() << "package mrpt-common is not installed";
+    recording_ = load_rawlog(kRawlog);
+  }
+  const std::filesystem::path kRawlog =
+      "/usr/share/mrpt/datasets/2006-01ENE-21-SENA_Telecom Faculty_one_loop_only.rawlog";
+  Recording recording_;
+};
+
+TEST_F(RealRecording, ItsWheelsBringTheLidarWhereItWas) {
+  const DriveLog log = to_drive_log(recording_);
+  EXPECT_NEAR(log.lidar_in_robot.position.x_um, 780'000, 1000);
+  const auto odometry = make_estimator("odometry", log);
+  for (const WheelSample& sample : log.wheel_samples) odometry->add_wheels(sample);
+  const Pose found = compose(to_pose(odometry->pose()), log.lidar_in_robot);
+  const Pose told = recording_.scans.back().lidar_pose;
+  EXPECT_EQ(log.revolutions.size(), recording_.scans.size());
+  EXPECT_LT(std::sqrt(squared_distance_um2(found.position, told.position)), 300'000);  // of 76 m
+  EXPECT_NEAR((found.heading - told.heading).degrees(), 0, 0.5);
+}
+
+TEST_F(RealRecording, ItsWallsAreAsThinAsThoseOfIcpSlam) {
+  const DriveLog log = to_drive_log(recording_);
+  const RecordedMap ours = map_of(log, "matching"), theirs = map_of(log, "icp-slam");
+  EXPECT_LT(static_cast<double>(ours.obstacle_cells),
+            1.10 * static_cast<double>(theirs.obstacle_cells));
+  EXPECT_NEAR(static_cast<double>(ours.known_cells) / static_cast<double>(theirs.known_cells), 1,
+              0.05);
+  EXPECT_LT(ours.obstacle_cells, map_of(log, "odometry").obstacle_cells / 2);
 }
 
 TEST(DriveRecorder, RefusesWhatItDoesNotKnow) {

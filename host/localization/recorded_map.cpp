@@ -16,6 +16,13 @@ namespace {
 
 constexpr TimeUs kStartUs = 1'000'000;
 constexpr TimeUs kWheelPeriodUs = 50'000;
+// As far as recordings are read: their scanners are more exact than an RPLIDAR.
+constexpr std::int32_t kMatchingRangeUm = 12'000'000;
+
+Pose inverse(const Pose& ab) {
+  const Pose back{{}, -ab.heading};
+  return {transform(back, -ab.position.x_um, -ab.position.y_um), -ab.heading};
+}
 
 }  // namespace
 
@@ -32,13 +39,17 @@ DriveLog to_drive_log(const Recording& recording) {
                                  static_cast<std::int32_t>(std::llround(right))});
   };
   const RecordedScan* before = nullptr;
+  log.lidar_in_robot = recording.lidar_in_robot;
+  log.matching_range_um = kMatchingRangeUm;
+  const Pose robot_in_lidar = inverse(recording.lidar_in_robot);
   for (const RecordedScan& scan : recording.scans) {
     const TimeUs now_us = kStartUs + scan.time_us;
     if (before == nullptr) {
-      log.start = scan.lidar_pose;
+      log.start = compose(scan.lidar_pose, robot_in_lidar);
       roll(0, 0, now_us);
     } else {
-      const TruePose from = to_true_pose(before->lidar_pose), to = to_true_pose(scan.lidar_pose);
+      const TruePose from = to_true_pose(compose(before->lidar_pose, robot_in_lidar));
+      const TruePose to = to_true_pose(compose(scan.lidar_pose, robot_in_lidar));
       const double turn = std::remainder(to.heading_rad - from.heading_rad, 2 * std::numbers::pi);
       const double dx = to.x_m - from.x_m, dy = to.y_m - from.y_m;
       const double middle = from.heading_rad + turn / 2;
@@ -77,7 +88,7 @@ RecordedMap map_of(const DriveLog& log, const std::string& name) {
     const double before_s = thread_cpu_s();
     estimator->add_revolution(revolution);
     result.cpu_s += thread_cpu_s() - before_s;
-    const Pose pose = to_pose(estimator->pose());
+    const Pose pose = compose(to_pose(estimator->pose()), log.lidar_in_robot);
     scan->clear();
     for (const ScanPoint& point : revolution.points) (void)scan->push(point);
     fusion.fuse(map, pose, *scan, false);

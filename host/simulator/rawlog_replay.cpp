@@ -67,6 +67,9 @@ class Collector {
     const double time_s = mrpt::Clock::toDouble(scan.timestamp);
     if (recording_.scans.empty()) {
       first_time_s_ = time_s;
+      const mrpt::poses::CPose2D mount(scan.sensorPose);
+      recording_.lidar_in_robot = {{micrometres(mount.x()), micrometres(mount.y())},
+                                   BinaryAngle(binary_angle_units(mount.phi()))};
       origin_ = mrpt::poses::CPose2D(mrpt::poses::CPose3D(odometry_) + scan.sensorPose);
     }
     const mrpt::poses::CPose2D lidar =

@@ -29,6 +29,8 @@ struct RecordedScan {
 struct Recording {
   std::string source;   // where it came from, one line
   std::string warning;  // empty, or what was wrong with the file it was read from
+  // Where the lidar sits on the robot, if the source says so; files keep only the lidar's poses.
+  Pose lidar_in_robot;
   std::vector<RecordedScan> scans;
 
   TimeUs duration_us() const { return scans.empty() ? 0 : scans.back().time_us; }
