@@ -241,8 +241,8 @@ std::optional<FrontierGoal> Explorer::find_frontier(FrontierRule rule, int min_s
 }
 
 std::optional<FrontierView> Explorer::best_view(int min_size) const {
-  return best_frontier_view(map_, paths_, paths_.region(), view_reach_cells(), stand_off_cells(),
-                            min_size);
+  const CellRect where = paths_.region().intersection(map_.known_rect().grown(1));
+  return best_frontier_view(map_, paths_, where, view_reach_cells(), stand_off_cells(), min_size);
 }
 
 // Whether there is still something to see at what was chosen to be looked at.

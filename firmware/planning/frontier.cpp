@@ -6,8 +6,6 @@ namespace ivfm {
 
 namespace {
 
-constexpr Cell kNeighbours[] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
-
 // The cost of driving to an unseen cell that was not given up; kUnreachable for all others.
 std::uint16_t unseen_cost(const ExplorationMap& map, const ShortestPathMap& paths, Cell c) {
   if (map.is_seen(c) || map.is_given_up(c)) return path::kUnreachable;
@@ -58,15 +56,21 @@ FrontierGoal middle_of(const ExplorationMap& map, const ShortestPathMap& paths,
 
 bool is_frontier(const ExplorationMap& map, Cell c) {
   const MapLayers& layers = map.layers();
-  if (!map.frame().contains(c)) return false;
-  const std::size_t i = map.frame().index_of(c);
+  const GridFrame& frame = map.frame();
+  if (!frame.contains(c)) return false;
+  const std::size_t i = frame.index_of(c);
   constexpr std::uint8_t kRuledOut = cell_flag::kObstacle | cell_flag::kGivenUp;
   if (layers.own_visits[i] || layers.peer_visits[i] || (layers.flags[i] & kRuledOut)) return false;
-  for (const Cell& step : kNeighbours) {
-    const Cell n{c.x + step.x, c.y + step.y};
-    if (map.is_seen(n) && !map.is_obstacle(n)) return true;
-  }
-  return false;
+  const auto is_seen_free = [&](std::size_t n) {
+    return (layers.own_visits[n] | layers.peer_visits[n]) != 0 &&
+           (layers.flags[n] & cell_flag::kObstacle) == 0;
+  };
+  const CellRect& window = frame.window();
+  const auto stride = static_cast<std::size_t>(window.width);
+  return (c.x + 1 < window.right() && is_seen_free(i + 1)) ||
+         (c.x > window.x && is_seen_free(i - 1)) ||
+         (c.y + 1 < window.top() && is_seen_free(i + stride)) ||
+         (c.y > window.y && is_seen_free(i - stride));
 }
 
 std::optional<FrontierGoal> best_stand(const ExplorationMap& map, const ShortestPathMap& paths,
@@ -90,9 +94,12 @@ std::optional<FrontierGoal> best_stand(const ExplorationMap& map, const Shortest
 bool is_wide_frontier(const ExplorationMap& map, Cell c, int min_size) {
   int size = 0;
   for (std::int32_t y = c.y - 2; y <= c.y + 2; ++y) {
-    for (std::int32_t x = c.x - 2; x <= c.x + 2; ++x) size += is_frontier(map, {x, y}) ? 1 : 0;
+    for (std::int32_t x = c.x - 2; x <= c.x + 2; ++x) {
+      size += is_frontier(map, {x, y}) ? 1 : 0;
+      if (size >= min_size) return true;
+    }
   }
-  return size >= min_size;
+  return false;
 }
 
 std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,

@@ -63,6 +63,13 @@ std::int32_t others_in_sight(const ExplorationMap& map, std::span<FrontierTable:
   return count;
 }
 
+ViewValue value_of(std::int64_t unseen, std::uint16_t path_cost, std::int32_t reach,
+                   std::int64_t halves_closed) {
+  const std::int64_t half = reach * reach / 4;                   // a twelfth of the view's circle
+  const std::int32_t detour = reach * 4 / 15 * path::kStraight;  // tiny ways to tiny gains lose
+  return {unseen + half * halves_closed, std::int64_t{path_cost} + detour};
+}
+
 }  // namespace
 
 std::int32_t unseen_in_view(const ExplorationMap& map, Cell from, std::int32_t reach) {
@@ -88,10 +95,7 @@ std::int32_t unseen_in_view(const ExplorationMap& map, Cell from, std::int32_t r
 
 ViewValue value_of_view(const ExplorationMap& map, Cell stand, std::uint16_t path_cost,
                         std::int32_t reach, std::int32_t halves_closed) {
-  const std::int64_t half = reach * reach / 4;                   // a twelfth of the view's circle
-  const std::int32_t detour = reach * 4 / 15 * path::kStraight;  // tiny ways to tiny gains lose
-  return {unseen_in_view(map, stand, reach) + half * halves_closed,
-          std::int64_t{path_cost} + detour};
+  return value_of(unseen_in_view(map, stand, reach), path_cost, reach, halves_closed);
 }
 
 std::optional<FrontierView> best_frontier_view(const ExplorationMap& map,
@@ -106,6 +110,10 @@ std::optional<FrontierView> best_frontier_view(const ExplorationMap& map,
   });
   std::optional<FrontierView> best;
   for (const FrontierTable::Entry& entry : table.entries()) {
+    // No view shows more than its whole circle, nor closes more than all frontiers.
+    const ViewValue most = value_of(std::int64_t{4} * reach * reach, entry.goal.path_cost, reach,
+                                    1 + static_cast<std::int64_t>(table.entries().size()));
+    if (best && !most.is_better_than(best->value)) continue;
     const std::int32_t others = others_in_sight(map, table.entries(), entry, reach * 2 / 3);
     const ViewValue value =
         value_of_view(map, entry.goal.stand, entry.goal.path_cost, reach, 2 + others);
