@@ -3,10 +3,11 @@
 // Usage: can_bridge INTERFACE PCI_DEVICE     e.g. can_bridge can1 /sys/bus/pci/devices/0000:00:03.0
 #include <fcntl.h>
 #include <sched.h>
-#include <signal.h>
 #include <sys/mman.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <ctime>
@@ -48,12 +49,27 @@ void sleep_until(std::int64_t time_ns) {
   clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr);
 }
 
-void start_shell(const char* command) {
-  std::printf("can_bridge: %s\n", command);
+// Takes a copy: by the time that the shell gets to run, the next tick may have cleared the memory
+// which the simulator wrote the command to.
+void start_shell(const std::string& command) {
+  std::printf("can_bridge: %s\n", command.c_str());
   std::fflush(stdout);
-  if (fork() == 0) {
-    execl("/bin/sh", "sh", "-c", command, nullptr);
+  const pid_t child = fork();
+  if (child == 0) {
+    execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+    std::fprintf(stderr, "can_bridge: no shell: %s\n", std::strerror(errno));
     _exit(127);
+  }
+  if (child < 0) std::fprintf(stderr, "can_bridge: no process: %s\n", std::strerror(errno));
+}
+
+// Says which of the shells that have ended did so badly.
+void bury_shells() {
+  int status = 0;
+  for (pid_t child = 0; (child = waitpid(-1, &status, WNOHANG)) > 0;) {
+    if (status == 0) continue;
+    std::fprintf(stderr, "can_bridge: shell %d ended with status 0x%04x\n", child,
+                 static_cast<unsigned>(status));
   }
 }
 
@@ -82,6 +98,7 @@ void hand_over(Exchange& exchange, const volatile std::uint32_t* slow_register) 
       const Status status = bus.send(exchange.from_drives.items[i]);
       if (!ok(status)) std::printf("can_bridge: a frame was not sent: %s\n", to_string(status));
     }
+    bury_shells();
     if (exchange.command[0] != '\0') start_shell(exchange.command.data());
   }
 }
@@ -103,7 +120,6 @@ int main(int argc, char** argv) {
     auto* exchange = static_cast<Exchange*>(map_resource(device + "/resource2", kExchangeBytes));
     const auto* registers =
         static_cast<const volatile std::uint32_t*>(map_resource(device + "/resource0", 256));
-    signal(SIGCHLD, SIG_IGN);
     become_real_time();
     run(bus, *exchange, registers);
   } catch (const std::exception& error) {
