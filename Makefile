@@ -30,7 +30,7 @@ demo: build ## Two robots explore a real building's corridor, all in software
 .PHONY: test
 test: build cross-replay ## Build everything, replay a recorded drive on two robots, run every test
 	@ctest --preset host -j $(JOBS) $(ARGS)
-	@tests/fuzz/run.sh 5
+	@tests/fuzz/run.sh 45
 	@tests/replay/compare_targets.sh
 
 .PHONY: bench

@@ -54,8 +54,8 @@ void MapLink::step(TimeUs now_us, const Pose& pose) {
   send_hello(now_us);
   send_restore_request(now_us);
   send_found(now_us, pose);
+  send_status(now_us, pose);  // small and seldom: before maps, which may fill a slow radio for long
   send_map_updates(now_us, pose);
-  send_status(now_us, pose);
 }
 
 void MapLink::report_found(Point target) {

@@ -500,6 +500,7 @@ TEST(MapLinkRate, StaysBelowTheConfiguredRate) {
   }
   EXPECT_LT(link.counters().bytes_sent, 64000u);
   EXPECT_GT(link.counters().bytes_sent, 52000u);
+  EXPECT_GT(server.received[MessageKind::kStatus], 30) << "the map does not crowd it out";
   for (TimeUs now = 60 * kSecond; now < 120 * kSecond; now += kTick) {
     radio.set_now(now);
     link.step(now, {});

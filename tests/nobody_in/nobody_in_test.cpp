@@ -173,7 +173,7 @@ class NobodyIn : public testing::Test, private DatagramSender {
         }
         break;
       case 1:
-        for (unsigned n = 1 + random_() % 3; n > 0; --n) {
+        for (auto n = 1 + random_() % 3; n > 0; --n) {
           const std::size_t bit = random_() % (bytes.size() * 8);
           bytes[bit / 8] = static_cast<std::uint8_t>(bytes[bit / 8] ^ (1u << bit % 8));
         }

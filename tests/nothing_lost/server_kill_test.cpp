@@ -126,11 +126,11 @@ TEST(NothingLost, WhenTheServersProcessIsKilledAgainAndAgain) {
   for (int kill = 1; kill <= kKills; ++kill) {
     const std::uint64_t heard = team.received();
     ASSERT_TRUE(team.turn_until(true, [&] { return team.received() >= heard + 40; }));
-    for (std::uint32_t turns = team.random()() % 40; turns > 0; --turns) team.turn(true);
+    for (auto turns = team.random()() % 40; turns > 0; --turns) team.turn(true);
     team.kill_server();
     ASSERT_EQ(team.missing(), "") << "after kill " << kill;
     if (kill % 2 == 0) team.restart_robot(team.random()() % 3);
-    for (std::uint32_t turns = team.random()() % 100; turns > 0; --turns) team.turn(true);
+    for (auto turns = team.random()() % 100; turns > 0; --turns) team.turn(true);
     team.start_server();
   }
   team.end_faults();

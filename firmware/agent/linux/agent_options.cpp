@@ -52,7 +52,7 @@ const std::array kOptions{
            "Quantized policy; without it frontiers alone are weighed"},
     Option{"profile", &AgentOptions::profile, "Map size and resolution: paper, robot or mcu"},
     Option{"localization", &AgentOptions::localization,
-           "matching: scans against the map correct the odometry; or odometry"},
+           "matching (scans against the map correct the odometry) or odometry"},
     Option{"start", StartPose{}, "Pose at start-up: X,Y,HEADING in metres and degrees"},
     Option{"rough-start", &AgentOptions::rough_start,
            "The start pose may be 0.5 m and 15 degrees wrong: correct it by the others' map"},
@@ -97,24 +97,38 @@ double checked_range(const Option& option, double value, const Place& place) {
   return value;
 }
 
-ProfileChoice to_profile(const std::string& text, const Place& place) {
-  if (text == "paper") return ProfileChoice::kPaper;
-  if (text == "robot") return ProfileChoice::kRobot;
-  if (text == "mcu") return ProfileChoice::kMcu;
-  place.fail("'" + text + "' is no profile; right is paper, robot or mcu");
+// What an option may be, and how that is called.
+template <typename Choice>
+struct Named {
+  const char* name;
+  Choice choice;
+};
+constexpr std::array kProfiles{Named{"paper", ProfileChoice::kPaper},
+                               Named{"robot", ProfileChoice::kRobot},
+                               Named{"mcu", ProfileChoice::kMcu}};
+constexpr std::array kLocalizations{Named{"odometry", LocalizationChoice::kOdometry},
+                                    Named{"matching", LocalizationChoice::kMatching}};
+constexpr std::array kTelemetry{Named{"line", TelemetryFormat::kLine},
+                                Named{"json", TelemetryFormat::kJson},
+                                Named{"off", TelemetryFormat::kOff}};
+
+template <typename Choice, std::size_t N>
+Choice choose(const std::array<Named<Choice>, N>& all, const std::string& text,
+              const Place& place) {
+  std::string right;
+  for (const Named<Choice>& named : all) {
+    if (text == named.name) return named.choice;
+    right += (right.empty() ? "" : ", ") + std::string(named.name);
+  }
+  place.fail("'" + text + "' is wrong; right is one of " + right);
 }
 
-LocalizationChoice to_localization(const std::string& text, const Place& place) {
-  if (text == "odometry") return LocalizationChoice::kOdometry;
-  if (text == "matching") return LocalizationChoice::kMatching;
-  place.fail("'" + text + "' is no localization; right is odometry or matching");
-}
-
-TelemetryFormat to_telemetry(const std::string& text, const Place& place) {
-  if (text == "line") return TelemetryFormat::kLine;
-  if (text == "json") return TelemetryFormat::kJson;
-  if (text == "off") return TelemetryFormat::kOff;
-  place.fail("'" + text + "' is no telemetry format; right is line, json or off");
+template <typename Choice, std::size_t N>
+std::string name_of(const std::array<Named<Choice>, N>& all, Choice choice) {
+  for (const Named<Choice>& named : all) {
+    if (choice == named.choice) return named.name;
+  }
+  return {};
 }
 
 constexpr double kFarthestM = 2'000;  // micrometres in 32 bits reach 2.1 km
@@ -165,13 +179,13 @@ void set_from_node(AgentOptions& options, const Option& option, const toml::node
           },
           [&](SwitchMember m) { options.*m = typed<bool>(node, "true or false", place); },
           [&](ProfileMember m) {
-            options.*m = to_profile(typed<std::string>(node, "a string", place), place);
+            options.*m = choose(kProfiles, typed<std::string>(node, "a string", place), place);
           },
           [&](LocalizationMember m) {
-            options.*m = to_localization(typed<std::string>(node, "a string", place), place);
+            options.*m = choose(kLocalizations, typed<std::string>(node, "a string", place), place);
           },
           [&](TelemetryMember m) {
-            options.*m = to_telemetry(typed<std::string>(node, "a string", place), place);
+            options.*m = choose(kTelemetry, typed<std::string>(node, "a string", place), place);
           },
           [&](StartPose) {
             const toml::array* pose = node.as_array();
@@ -237,26 +251,42 @@ std::array<double, 3> to_pose(const std::string& text, const Place& place) {
 
 void set_from_text(AgentOptions& options, const Option& option, const std::string& text) {
   const Place place{std::string("--") + option.name};
-  std::visit(Overloaded{[&](TextMember m) { options.*m = text; },
-                        [&](NumberMember m) {
-                          options.*m = checked_range(option, to_number(text, place), place);
-                        },
-                        [&](IntegerMember m) {
-                          const std::int64_t value = to_integer(text, place);
-                          checked_range(option, static_cast<double>(value), place);
-                          options.*m = value;
-                        },
-                        [&](SwitchMember m) {
-                          if (text != "true" && text != "false") {
-                            place.fail("'" + text + "' is wrong; right is true or false");
-                          }
-                          options.*m = text == "true";
-                        },
-                        [&](ProfileMember m) { options.*m = to_profile(text, place); },
-                        [&](LocalizationMember m) { options.*m = to_localization(text, place); },
-                        [&](TelemetryMember m) { options.*m = to_telemetry(text, place); },
-                        [&](StartPose) { set_start(options, to_pose(text, place), place); }},
-             option.member);
+  std::visit(
+      Overloaded{[&](TextMember m) { options.*m = text; },
+                 [&](NumberMember m) {
+                   options.*m = checked_range(option, to_number(text, place), place);
+                 },
+                 [&](IntegerMember m) {
+                   const std::int64_t value = to_integer(text, place);
+                   checked_range(option, static_cast<double>(value), place);
+                   options.*m = value;
+                 },
+                 [&](SwitchMember m) {
+                   if (text != "true" && text != "false") {
+                     place.fail("'" + text + "' is wrong; right is true or false");
+                   }
+                   options.*m = text == "true";
+                 },
+                 [&](ProfileMember m) { options.*m = choose(kProfiles, text, place); },
+                 [&](LocalizationMember m) { options.*m = choose(kLocalizations, text, place); },
+                 [&](TelemetryMember m) { options.*m = choose(kTelemetry, text, place); },
+                 [&](StartPose) { set_start(options, to_pose(text, place), place); }},
+      option.member);
+}
+
+// As --help shows it: what holds where nothing is said.
+std::string default_text(const Option& option) {
+  const AgentOptions options;
+  return std::visit(
+      Overloaded{[&](TextMember m) { return options.*m; },
+                 [&](NumberMember m) { return plain(options.*m); },
+                 [&](IntegerMember m) { return std::to_string(options.*m); },
+                 [&](SwitchMember) { return std::string(); },  // off
+                 [&](ProfileMember m) { return name_of(kProfiles, options.*m); },
+                 [&](LocalizationMember m) { return name_of(kLocalizations, options.*m); },
+                 [&](TelemetryMember m) { return name_of(kTelemetry, options.*m); },
+                 [&](StartPose) { return std::string("0,0,0"); }},
+      option.member);
 }
 
 std::string read_file(const std::string& path) {
@@ -280,7 +310,10 @@ struct CommandLine {
       const std::string flag = std::string("--") + kOptions[i].name;
       const bool is_switch = std::holds_alternative<SwitchMember>(kOptions[i].member);
       flags[i] = app.add_option(flag, texts[i], kOptions[i].help);
-      if (is_switch) flags[i]->expected(0, 1)->default_str("true");
+      if (is_switch) flags[i]->expected(0, 1)->default_str("true")->option_text(" ");
+      if (const std::string text = default_text(kOptions[i]); !text.empty()) {
+        flags[i]->option_text("=" + text);
+      }
     }
   }
   CommandLine(const CommandLine&) = delete;

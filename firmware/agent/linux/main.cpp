@@ -31,9 +31,9 @@ constexpr TimeUs kPeriodUs = 10'000;
 constexpr TimeUs kTelemetryPeriodUs = 1'000'000;
 constexpr TimeUs kGoodbyeUs = 40'000'000;  // at most so long to hand the last changes over
 
-volatile std::sig_atomic_t stop_signal = 0;
+volatile std::sig_atomic_t stop_signals = 0;
 
-void on_signal(int signal) { stop_signal = signal; }
+void on_signal(int) { stop_signals = stop_signals + 1; }
 
 void catch_signals() {
   struct sigaction action {};
@@ -137,16 +137,25 @@ class Telemetry {
   char buffer_[4096];
 };
 
-// Steps the agent until a signal comes, then lets it stop and hand over what it still has.
+void say_goodbye(bool has_radio) {
+  std::fprintf(stderr, "ivfm-agent: stopping%s\n",
+               has_radio ? "; the rest of the map goes to the server, for 40 s at most (a second "
+                           "signal ends that)"
+                         : "");
+}
+
+// Steps the agent until a signal comes, then lets it stop and hand over what it still has; a second
+// signal ends that as soon as the wheels stand.
 void run_agent(Agent& agent, Devices& devices, Telemetry& telemetry, ServiceManager& manager) {
   LinuxClock& clock = devices.clock();
   TimeUs next_us = clock.now_us(), telemetry_us = next_us, give_up_us = 0;
   while (true) {
     const TimeUs now_us = clock.now_us();
-    if (stop_signal != 0 && give_up_us == 0) {
+    if (stop_signals > 0 && give_up_us == 0) {
       give_up_us = now_us + kGoodbyeUs;
       agent.request_stop();
       manager.stopping();
+      say_goodbye(devices.has_radio());
     }
     agent.step(now_us);
     manager.alive(now_us);
@@ -155,7 +164,7 @@ void run_agent(Agent& agent, Devices& devices, Telemetry& telemetry, ServiceMana
       const bool standing =
           agent.commanded().is_zero() && agent.wheels().measured_velocity().is_zero();
       const bool shared = !devices.has_radio() || agent.map_is_shared();
-      if ((standing && shared) || now_us >= give_up_us) break;
+      if ((standing && (shared || stop_signals > 1)) || now_us >= give_up_us) break;
     }
     if (now_us - telemetry_us >= kTelemetryPeriodUs) {
       telemetry_us = now_us;
@@ -193,7 +202,7 @@ int run(const AgentOptions& options) {
   catch_signals();
   std::fprintf(stderr, "ivfm-agent: robot %d runs, profile %s, %zu bytes of fixed memory, %s\n",
                static_cast<int>(options.robot_id), Profile::kName, sizeof(AgentFor<Profile>),
-               options.model.empty() ? "no model: nearest frontier" : options.model.c_str());
+               options.model.empty() ? "no model: frontiers alone" : options.model.c_str());
   ServiceManager manager(std::getenv("NOTIFY_SOCKET"));
   manager.ready();
   run_agent(agent, devices, telemetry, manager);
