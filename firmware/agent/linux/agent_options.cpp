@@ -115,12 +115,12 @@ constexpr std::array kTelemetry{Named{"line", TelemetryFormat::kLine},
 template <typename Choice, std::size_t N>
 Choice choose(const std::array<Named<Choice>, N>& all, const std::string& text,
               const Place& place) {
-  std::string right;
-  for (const Named<Choice>& named : all) {
-    if (text == named.name) return named.choice;
-    right += (right.empty() ? "" : ", ") + std::string(named.name);
+  std::string right;  // a, b or c
+  for (std::size_t i = 0; i < N; ++i) {
+    if (text == all[i].name) return all[i].choice;
+    right += std::string(i == 0 ? "" : (i + 1 == N ? " or " : ", ")) + all[i].name;
   }
-  place.fail("'" + text + "' is wrong; right is one of " + right);
+  place.fail("'" + text + "' is wrong; right is " + right);
 }
 
 template <typename Choice, std::size_t N>
