@@ -49,7 +49,9 @@ void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& r
     region_ = {};
     return;
   }
-  const bool tight = clearance == Clearance::kTight && config_.tight_radius_um > 0;
+  const bool tight = clearance != Clearance::kPreferred && config_.tight_radius_um > 0;
+  const std::int32_t tight_radius_um =
+      config_.tight_radius_um - (clearance == Clearance::kEscape ? frame.cell_um() / 2 : 0);
   // A ring of walls around the region spares the inner loop all bounds checks.
   const CellRect ring = region_.grown(1);
   const MapLayers& layers = map.layers();
@@ -58,7 +60,7 @@ void ShortestPathMap::compute(ExplorationMap& map, Cell robot, const CellRect& r
     const bool edge_row = y == ring.y || y == ring.top() - 1;
     for (std::size_t i = row; i < row + static_cast<std::size_t>(ring.width); ++i) {
       bool free = layers.inflation[i] == 0 ||
-                  (tight && !map.obstacle_within(frame.cell_of_index(i), config_.tight_radius_um));
+                  (tight && !map.obstacle_within(frame.cell_of_index(i), tight_radius_um));
       if (!config_.unknown_is_traversable) {
         free = free && (layers.occupancy[i] < 0 || layers.own_visits[i] || layers.peer_visits[i]);
       }

@@ -26,8 +26,9 @@ struct BucketStorage {
   std::array<std::uint32_t, kBuckets * kCapacity> entries;
 };
 
-// How much room to keep: as much as the map's inflation, or as little as the robot needs.
-enum class Clearance : std::uint8_t { kPreferred, kTight };
+// How much room to keep: as much as the map's inflation, as little as the robot needs, or half a
+// cell less still, for a robot that is shut in.
+enum class Clearance : std::uint8_t { kPreferred, kTight, kEscape };
 
 struct PathConfig {
   // Robots that map with a short camera drive into the unknown; with a lidar they keep to what
@@ -48,7 +49,8 @@ class ShortestPathMap {
   // A robot that already touches an inflated obstacle may leave it, and only moves away from it
   // unless it is squeezed in between several.
   // kTight squeezes through gaps that the inflation closes but a robot of config().tight_radius_um
-  // fits through.
+  // fits through; kEscape through gaps that only look narrower than that: a place where an obstacle
+  // was seen may be half a cell nearer than the obstacle is.
   void compute(ExplorationMap& map, Cell robot, const CellRect& region,
                Clearance clearance = Clearance::kPreferred);
 

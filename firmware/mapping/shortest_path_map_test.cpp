@@ -97,6 +97,19 @@ TEST(ShortestPathMap, OnlyTightClearanceSqueezesThroughANarrowGap) {
   EXPECT_EQ(world.paths.cost_at(world.map, {4, 2}), path::kUnreachable) << "next to the wall";
 }
 
+TEST(ShortestPathMap, OnlyEscapingGoesHalfACellNearerToObstacles) {
+  // A gap of one cell: its obstacles' middles are one cell away, nearer than 0.06 m, but not nearer
+  // than 0.035 m.
+  Drawn world({"....#....",  //
+               ".........",  //
+               "....#...."},
+              {.unknown_is_traversable = false, .tight_radius_um = 60'000}, 105'000);
+  world.paths.compute(world.map, {0, 1}, world.region, Clearance::kTight);
+  EXPECT_EQ(world.paths.cost_at(world.map, {8, 1}), path::kUnreachable);
+  world.paths.compute(world.map, {0, 1}, world.region, Clearance::kEscape);
+  EXPECT_EQ(world.paths.cost_at(world.map, {8, 1}), 8 * 12);
+}
+
 TEST(ShortestPathMap, AQueueThatOverflowsStillFindsEveryCost) {
   std::vector<std::string> rows(60, std::string(60, '.'));
   for (std::size_t i = 0; i < 50; ++i) rows[20][i] = rows[40][59 - i] = '#';

@@ -60,7 +60,7 @@ void Explorer::observe(const Pose& pose) {
   const GridFrame& frame = map_.frame();
   state_.grid = PolicyGrid::centred_on(robot, config_.pool);
   paths_.compute(map_, robot, state_.grid.window());
-  tight_ = false;
+  clearance_ = Clearance::kPreferred;
   const MapLayers& layers = map_.layers();
   // The arguments are this object's own spans and a validated pool: the encoders cannot refuse.
   (void)encode_ivfm(
@@ -178,8 +178,9 @@ Decision Explorer::select_global_goal(const Pose& pose) {
 }
 
 Decision Explorer::select_frontier(const Pose& pose, FrontierRule rule) {
-  // Only when nothing is left with room to spare the robot squeezes through narrow places.
-  for (const Clearance clearance : {Clearance::kPreferred, Clearance::kTight}) {
+  // Only when nothing is left with room to spare the robot squeezes through narrow places: first
+  // through those that it surely fits through, last through any that could have let it in.
+  for (const Clearance clearance : {Clearance::kPreferred, Clearance::kTight, Clearance::kEscape}) {
     plan_everywhere(pose, clearance);
     if (const auto frontier = choose_frontier(rule)) return drive_to(*frontier);
     if (config_.paths.tight_radius_um == 0) break;
@@ -189,7 +190,7 @@ Decision Explorer::select_frontier(const Pose& pose, FrontierRule rule) {
 
 void Explorer::plan_everywhere(const Pose& pose, Clearance clearance) {
   paths_.compute(map_, robot_cell(pose), explored_region(pose), clearance);
-  tight_ = clearance == Clearance::kTight;
+  clearance_ = clearance;
 }
 
 std::optional<FrontierGoal> Explorer::choose_frontier(FrontierRule rule) {
@@ -228,7 +229,9 @@ std::optional<FrontierGoal> Explorer::next_frontier(FrontierRule rule) const {
   }
   // Slits along walls are collected last: they cost as much driving as doorways do.
   const auto wide = find_frontier(rule, config_.wide_frontier_size);
-  const bool looked_at_all = config_.wide_frontier_size <= config_.min_frontier_size;
+  // None is worth squeezing out for.
+  const bool looked_at_all =
+      config_.wide_frontier_size <= config_.min_frontier_size || clearance_ == Clearance::kEscape;
   return wide || looked_at_all ? wide : find_frontier(rule, config_.min_frontier_size);
 }
 
@@ -252,9 +255,11 @@ bool Explorer::is_open(Cell c) const {
 }
 
 Decision Explorer::select_return(const Pose& pose) {
-  plan_everywhere(pose, Clearance::kPreferred);
   const Cell home = map_.frame().cell_at(start_.position);
-  if (paths_.cost_at(map_, home) == path::kUnreachable) plan_everywhere(pose, Clearance::kTight);
+  for (const Clearance clearance : {Clearance::kPreferred, Clearance::kTight, Clearance::kEscape}) {
+    plan_everywhere(pose, clearance);
+    if (paths_.cost_at(map_, home) != path::kUnreachable) break;
+  }
   return return_or_stay(pose);
 }
 
@@ -311,14 +316,14 @@ Status Explorer::replan(const Pose& pose) {
   if (last_.kind == Decision::Kind::kExplored) return Status::kEmpty;
   const bool local = last_.kind == Decision::Kind::kLocalGoal;
   const CellRect region = local ? state_.grid.window() : explored_region(pose);
-  paths_.compute(map_, robot_cell(pose), region,
-                 tight_ ? Clearance::kTight : Clearance::kPreferred);
+  paths_.compute(map_, robot_cell(pose), region, clearance_);
   return plan_path(map_, paths_, last_.goal, path_);
 }
 
 bool Explorer::goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const {
   if (goal_has_been_seen()) return false;
-  if (tight_) return true;  // nearer to obstacles than the inflation allows
+  if (clearance_ != Clearance::kPreferred)
+    return true;  // nearer to obstacles than the inflation allows
   const std::span<const Point> waypoints = path_.points();
   Cell from = robot_cell(pose);
   const std::int32_t leave = stand_off_cells();  // the robot may stand near an obstacle already
@@ -360,7 +365,7 @@ void Explorer::copy_from(const Explorer& other) {
   idle_actions_ = other.idle_actions_;
   last_frontier_cost_ = other.last_frontier_cost_;
   tries_at_frontier_ = other.tries_at_frontier_;
-  tight_ = other.tight_;
+  clearance_ = other.clearance_;
   q_values_ = other.q_values_;
 }
 

@@ -209,7 +209,7 @@ class Explorer {
   std::int32_t last_frontier_cost_ = 0;  // of the way there when it was chosen
   std::int32_t idle_actions_ = 0;
   std::int32_t tries_at_frontier_ = 0;
-  bool tight_ = false;  // the last goal leads through narrow places
+  Clearance clearance_ = Clearance::kPreferred;  // of the way to the last goal
   std::array<std::int32_t, kPolicyGridSize> q_values_{};
 };
 

@@ -27,6 +27,13 @@ Scenario empty_room(int side_m, std::vector<Pose> starts) {
   return scenario;
 }
 
+class NoModel final : public QFunction {
+ public:
+  Status evaluate(const LocalState&, std::span<std::int32_t>) override {
+    return Status::kUnavailable;
+  }
+};
+
 int index_of(int dx, int dy) { return (16 + dy) * kPolicyCells + 16 + dx; }
 
 int random_goal(const ExplorationEnvironment& env, int agent, Random& random) {
@@ -184,6 +191,17 @@ TEST(ExplorationEnvironment, ExploresABuildingByNearestFrontiersAlone) {
     EXPECT_GE(env.totals().coverage(), 0.99) << "seed " << seed << " after " << actions;
     EXPECT_EQ(env.totals().collisions, 0) << "seed " << seed;
   }
+}
+
+TEST(ExplorationEnvironment, ARobotGetsOutOfARoomWhoseGapTurnsOutNarrow) {
+  // From a distance the gap looks wide enough; from inside it is too narrow to be planned through.
+  EnvironmentConfig config = EnvironmentConfig::building();
+  config.max_actions_per_agent = 1'000;
+  ExplorationEnvironment env(config);
+  env.reset(random_building({}, 1, 950'040));
+  NoModel no_model;
+  while (!env.is_done()) env.step_decision(0, env.explorer(0).decide(env.pose(0), no_model));
+  EXPECT_GE(env.totals().coverage(), 0.99);
 }
 
 TEST(ExplorationEnvironment, NeedsARobot) {
