@@ -157,6 +157,10 @@ void ExplorationMap::add_evidence(Cell c, int evidence) {
   known_ = known_.united(c);
 }
 
+void ExplorationMap::doubt(Cell c) {
+  if (frame_.contains(c)) layers_.occupancy[frame_.index_of(c)] = occupancy::kDoubted;
+}
+
 void ExplorationMap::add_miss_at(std::size_t index, Cell c) {
   if (layers_.flags[index] & cell_flag::kHitThisScan) return;
   std::int8_t& cell = layers_.occupancy[index];

@@ -16,10 +16,11 @@ namespace ivfm {
 // Occupancy evidence of a cell, in bounded steps: above 0 occupied, below 0 free, 0 unknown.
 namespace occupancy {
 inline constexpr std::int8_t kUnknown = 0;
-inline constexpr int kHit = 8;    // added when a beam ends in the cell
-inline constexpr int kMiss = -1;  // added when a beam passes through the cell
-inline constexpr int kMax = 24;   // an obstacle that went away is forgotten after 24 misses
-inline constexpr int kMin = -4;   // one hit turns the freest cell into an obstacle
+inline constexpr int kHit = 8;       // added when a beam ends in the cell
+inline constexpr int kMiss = -1;     // added when a beam passes through the cell
+inline constexpr int kMax = 24;      // an obstacle that went away is forgotten after 24 misses
+inline constexpr int kMin = -4;      // surely free; one hit makes an obstacle of it all the same
+inline constexpr int kDoubted = -1;  // surely free, but hit by the last scan
 }  // namespace occupancy
 
 // Bits of the flags layer.
@@ -32,6 +33,7 @@ inline constexpr std::uint8_t kSeenThisAction =
     4;                                           // already counted in this action's union of views
 inline constexpr std::uint8_t kHitThisScan = 8;  // a beam of the scan being fused ends here
 inline constexpr std::uint8_t kGivenUp = 16;     // was a goal, and going there showed nothing new
+inline constexpr std::uint8_t kDoubted = 32;     // the scan being fused hits it, surely free before
 inline constexpr std::uint8_t kObstacle = kOwnObstacle | kPeerObstacle;
 }  // namespace cell_flag
 
@@ -91,6 +93,13 @@ class ExplorationMap final : public SharedMap {
 
   // Adds `evidence` (occupancy::kHit or kMiss) to a cell; outside the window nothing happens.
   void add_evidence(Cell c, int evidence);
+  // Seen free again and again, and not hit by the last scan.
+  bool is_surely_free(Cell c) const {
+    return frame_.contains(c) && layers_.occupancy[frame_.index_of(c)] == occupancy::kMin;
+  }
+  // A scan hits what was surely free: the next hit makes an obstacle, misses make it free again.
+  void doubt(Cell c);
+  bool is_doubted(Cell c) const { return has_flag(c, cell_flag::kDoubted); }
   // Adds occupancy::kMiss to the cells on the straight line from `a` to before `b` (Bresenham) that
   // no beam of the scan being fused ends in (kHitThisScan).
   void add_misses_on_line(Cell a, Cell b);

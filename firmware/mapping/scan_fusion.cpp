@@ -101,6 +101,7 @@ void ScanFusion::update_occupancy(ExplorationMap& map, const Pose& pose, const S
     const Cell end = end_of(point, hit);
     if (!hit) continue;
     map.set_flag(end, cell_flag::kHitThisScan);
+    if (config_.doubt_changes && map.is_surely_free(end)) map.set_flag(end, cell_flag::kDoubted);
     hits = hits.united(end);
   }
   for (const ScanPoint& point : scan.points()) {
@@ -108,9 +109,13 @@ void ScanFusion::update_occupancy(ExplorationMap& map, const Pose& pose, const S
     if (point.echo == Echo::kNothing) continue;
     const Cell end = end_of(point, hit);
     map.add_misses_on_line(robot, end);
-    if (hit) map.add_evidence(end, occupancy::kHit);
+    if (hit && map.is_doubted(end)) {
+      map.doubt(end);
+    } else if (hit) {
+      map.add_evidence(end, occupancy::kHit);
+    }
   }
-  map.clear_flag(hits, cell_flag::kHitThisScan);
+  map.clear_flag(hits, cell_flag::kHitThisScan | cell_flag::kDoubted);
 }
 
 // Whether the floor at (ahead, left), both in um in the robot's frame, lies in the footprint and in

@@ -39,6 +39,9 @@ struct FusionConfig {
   std::int32_t mapping_range_um = 12'000'000;
   // Directions further than this from a measured beam are not seen.
   std::uint16_t max_beam_gap = 400;  // binary angle units, 2.2 degrees
+  // Where the floor is surely free, only a second scan in a row makes an obstacle: who walks by
+  // leaves no trail.
+  bool doubt_changes = false;
 };
 
 // What an action saw, for rewards and metrics.

@@ -61,6 +61,54 @@ TEST_F(ScanFusionTest, AWallHitInThisScanIsNotClearedByItsOwnGrazingBeams) {
   }
 }
 
+class ChangingRoom : public ScanFusionTest {
+ protected:
+  ChangingRoom() {
+    FusionConfig config = sector(2'000'000);
+    config.doubt_changes = true;
+    fusion_ = std::make_unique<ScanFusion>(config);
+    look(2000, 8);
+  }
+  // So many revolutions that see something 20 cm wide straight ahead, and walls 2 m away.
+  void look(std::uint16_t ahead_mm, int revolutions) {
+    Scan scan = ring(720, 2000, Echo::kHit);
+    for (std::size_t i = 0; i < scan.size; ++i) {
+      const double aside_m =
+          std::sin(scan.storage[i].bearing.radians()) * static_cast<double>(ahead_mm) * 1e-3;
+      const bool in_front = std::abs(scan.storage[i].bearing.degrees()) < 90;
+      if (in_front && std::abs(aside_m) < 0.1) scan.storage[i].range_mm = ahead_mm;
+    }
+    for (int i = 0; i < revolutions; ++i) (void)fusion_->fuse(map_, center_, scan, false);
+  }
+  int obstacles_near() const {
+    int count = 0;
+    for (std::int32_t y = -10; y <= 10; ++y) {
+      for (std::int32_t x = 2; x <= 34; ++x) count += map_.is_obstacle({x, y}) ? 1 : 0;
+    }
+    return count;
+  }
+  std::unique_ptr<ScanFusion> fusion_;
+};
+
+TEST_F(ChangingRoom, WhoWalksByLeavesNoTrail) {
+  ASSERT_EQ(obstacles_near(), 0);
+  for (std::uint16_t ahead_mm = 1500; ahead_mm >= 500; ahead_mm -= 145) {  // 0.8 m/s
+    look(ahead_mm, 1);
+    EXPECT_EQ(obstacles_near(), 0) << ahead_mm;
+  }
+}
+
+TEST_F(ChangingRoom, WhatStaysIsAnObstacleFromTheSecondRevolutionOnAndForgottenWhenItLeaves) {
+  look(1000, 1);
+  EXPECT_EQ(obstacles_near(), 0);
+  look(1000, 1);
+  EXPECT_GE(obstacles_near(), 4);
+  EXPECT_TRUE(map_.is_obstacle({20, 0}));
+  look(1000, 20);
+  look(2000, 24);  // a door that opens: 4.4 s at the latest
+  EXPECT_EQ(obstacles_near(), 0);
+}
+
 TEST_F(ScanFusionTest, TheFullCircleCountsEveryCellOnceWithoutGaps) {
   ScanFusion fusion(sector(1'000'000));
   const ViewStatistics seen = fusion.fuse(map_, center_, ring(360, 4000, Echo::kHit), true);

@@ -41,6 +41,7 @@ class MatchingEstimator final : public PoseEstimator {
         localization_(config(log), surfaces_.surface_entries, log.wheels, kMaxWheelUmS),
         lidar_in_robot_(log.lidar_in_robot) {
     fusion_config_.mapping_range_um = kMappingRangeUm;
+    fusion_config_.doubt_changes = true;
     localization_.reset(log.start);
     map_.clear(map_.frame().cell_at(log.start.position));
   }
@@ -100,6 +101,7 @@ class TruthEstimator final : public PoseEstimator {
       : log_(log),
         map_(cells_.layers(), RobotProfile::kCellUm, RobotProfile::kWindowCells, 105'000) {
     fusion_config_.mapping_range_um = kMappingRangeUm;
+    fusion_config_.doubt_changes = true;
     map_.clear(map_.frame().cell_at(log.start.position));
   }
   void add_wheels(const WheelSample& s) override {

@@ -72,7 +72,9 @@ DriveLog to_drive_log(const Recording& recording) {
 RecordedMap map_of(const DriveLog& log, const std::string& name) {
   const auto cells = std::make_unique<MapStorage<RobotProfile::kWindowCells>>();
   ExplorationMap map(cells->layers(), RobotProfile::kCellUm, RobotProfile::kWindowCells, 105'000);
-  ScanFusion fusion{FusionConfig{}};
+  FusionConfig fusion_config;
+  fusion_config.doubt_changes = true;
+  ScanFusion fusion(fusion_config);
   const auto estimator = make_estimator(name, log);
   RecordedMap result;
   result.estimator = name;

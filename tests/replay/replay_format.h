@@ -57,6 +57,7 @@ void for_each_setting(Config& config, Visitor&& visit) {
   visit(explorer.fusion.footprint.slope_q16);
   visit(explorer.fusion.footprint.offset_um);
   visit(explorer.fusion.mapping_range_um);
+  visit(explorer.fusion.doubt_changes);
   visit(explorer.paths.unknown_is_traversable);
   visit(explorer.robot_radius_um);
   visit(explorer.pool);

@@ -34,6 +34,7 @@ ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um
   config.paths.tight_radius_um = to_um(options.robot_radius_m) + cell_um;
   // Further away the noise of an RPLIDAR A1 (1 % of the range) exceeds a cell.
   config.fusion.mapping_range_um = std::max(to_um(options.visit_range_m), kMappingRangeUm);
+  config.fusion.doubt_changes = true;
   config.min_goal_distance_um = config.robot_radius_um;
   config.return_to_start = options.return_home;
   return config;
