@@ -177,7 +177,7 @@ void Agent::choose_goal(TimeUs now_us) {
     acting_ = false;
     return;
   }
-  if (acting_ && !action_is_over()) return;
+  if (acting_ && !action_is_over(now_us)) return;
   if (!has_scan_) return;
   if (acting_) share_map();
   acting_ = false;
@@ -208,7 +208,7 @@ void Agent::decide() {
   decision_time_us_ = static_cast<std::uint32_t>(clock_.now_us() - before);
 }
 
-bool Agent::action_is_over() {
+bool Agent::action_is_over(TimeUs now_us) {
   if (stuck_ || held_for_us_ > config_.max_hold_us) {
     stuck_ = false;
     held_for_us_ = 0;
@@ -218,10 +218,16 @@ bool Agent::action_is_over() {
   }
   if (!follower_.active()) return true;
   const auto travelled = static_cast<std::int64_t>(odometry().travelled_um() - action_start_um_);
-  if (travelled >= config_.max_action_travel_um) return true;
+  if (!config_.keeps_goals && travelled >= config_.max_action_travel_um) return true;
   if (!new_scan_) return false;
   new_scan_ = false;
-  return !explorer_.goal_is_still_good(pose_, follower_.next_waypoint());
+  if (explorer_.goal_is_still_good(pose_, follower_.next_waypoint())) return false;
+  return !config_.keeps_goals || !goes_around(now_us);
+}
+
+// False: the goal is out of reach now.
+bool Agent::goes_around(TimeUs now_us) {
+  return ok(explorer_.replan(pose_)) && ok(follower_.start(explorer_.path().points(), now_us));
 }
 
 void Agent::begin_action(TimeUs now_us) {

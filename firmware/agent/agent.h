@@ -38,6 +38,7 @@ struct AgentConfig {
   bool autostart = true;  // explore as soon as the devices are ready
   // An action ends after this much driving even when its goal is further: the map has changed.
   std::int32_t max_action_travel_um = 1'500'000;
+  bool keeps_goals = false;            // or it goes on to its goal, around what is in its way
   TimeUs max_hold_us = 1'000'000;      // held back by an obstacle for longer: another goal
   TimeUs share_period_us = 2'000'000;  // changes of the map go to the link at least so often
   TimeUs look_again_us = 2'000'000;    // a robot that sees nothing left to explore looks again
@@ -119,7 +120,8 @@ class Agent {
   void drive(TimeUs now_us);
 
   void decide();
-  bool action_is_over();
+  bool action_is_over(TimeUs now_us);
+  bool goes_around(TimeUs now_us);
   void begin_action(TimeUs now_us);
   RobotStatus status(TimeUs now_us) const;
   SupervisorInputs supervisor_inputs(TimeUs now_us) const;

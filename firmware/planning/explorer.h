@@ -73,6 +73,12 @@ struct ExplorerConfig {
     c.pool = pool < 1 ? 1 : (pool > kMaxPool ? kMaxPool : pool);
     return c;
   }
+  // The network decides alone while the local map is worth visiting, else the richest region of
+  // the whole map is next: as in the paper's arenas.
+  constexpr void let_network_decide() {
+    view_reach_um = 0;
+    region_cells = 16 * pool;
+  }
 };
 
 // What the robot should do next.
@@ -147,10 +153,11 @@ class Explorer {
   // Whether the last decision still makes sense: its way is not blocked by what has been seen
   // since, counted from waypoint `next_waypoint` on, and a frontier it was made for is still one.
   bool goal_is_still_good(const Pose& pose, std::size_t next_waypoint) const;
-  // Whether the last decision was for a frontier that has been seen since: nothing is left to go
-  // there for.
+  // Whether the last decision was for the view of a frontier that has been seen since: nothing is
+  // left to go there for.
   bool goal_has_been_seen() const {
-    return last_.kind == Decision::Kind::kGlobalGoal && !is_open(last_frontier_);
+    return config_.view_reach_um > 0 && last_.kind == Decision::Kind::kGlobalGoal &&
+           !is_open(last_frontier_);
   }
   // The last goal could not be reached (blocked, stuck): global goals near it are given up.
   void abandon_goal();

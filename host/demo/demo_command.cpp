@@ -136,6 +136,16 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
   command->add_option("--visit-range", options->visit_range_m, "metres within which a cell is seen")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 12.0));
+  command->add_option("--visit-fov", options->visit_fov_deg, "and within so many degrees, ahead")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 360.0));
+  command
+      ->add_option(
+          "--goals", options->goals,
+          "views: of frontiers, the network's goal where its view shows more; network: its "
+          "choice alone, as in the paper")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"views", "network"}));
   command->add_option("--odometry-noise", options->odometry_noise, "none, mild, turtlebot or harsh")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));

@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "firmware/planning/explorer.h"
 #include "host/cli/progress_line.h"
 #include "host/cli/shipped_model.h"
 #include "host/simulator/map_file.h"
@@ -216,6 +217,8 @@ FleetOptions DemoRun::fleet_options() const {
   fleet.agent_arguments = {"--profile",      "robot",
                            "--localization", options_.localization,
                            "--visit-range",  text_of("%.9g", options_.visit_range_m),
+                           "--visit-fov",    text_of("%.9g", options_.visit_fov_deg),
+                           "--goals",        options_.goals,
                            "--robot-radius", text_of("%.9g", world_.body.radius_m),
                            "--wheel-radius", text_of("%.9g", world_.body.wheel_radius_m),
                            "--wheel-base",   text_of("%.9g", world_.body.wheel_base_m)};
@@ -238,6 +241,11 @@ FleetOptions DemoRun::fleet_options() const {
 
 double DemoRun::explorable_m2() const {
   return static_cast<double>(meter_.explorable_cells()) * (kCellUm / 1e6) * (kCellUm / 1e6);
+}
+
+double DemoRun::local_map_width_m() const {
+  const auto visit_range_um = static_cast<std::int32_t>(std::lround(options_.visit_range_m * 1e6));
+  return kPolicyCells * ExplorerConfig::lidar(visit_range_um, kCellUm).pool * (kCellUm / 1e6);
 }
 
 double DemoRun::real_seconds() const {
@@ -494,9 +502,12 @@ void DemoRun::print_table(const DemoResult& result) const {
                 bytes_text(agent.bytes_received).c_str(), agent.slowest_decision_ms);
   }
   const RunScores& scores = result.scores;
+  const double local_map_m = local_map_width_m();
   std::printf("\n%.1f %% explored in %.0f s, RER %.2f, PE %.0f, overlap %.1f %%\n",
               scores.coverage * 100, result.simulated_s, scores.repeat_rate,
               scores.pixels_per_metre, scores.overlap * 100);
+  std::printf("PE as the paper's, with the local map's %.1f m as its 1 m: %.0f\n", local_map_m,
+              scores.pixels_per_metre / local_map_m);
   const PoseErrors& errors = result.pose_errors;
   std::printf("robots believed to be %.3f m (rms) from where they were, %.3f m at most, %.2f deg\n",
               errors.rms_m, errors.largest_m, errors.rms_deg);

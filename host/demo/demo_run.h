@@ -30,6 +30,8 @@ struct DemoOptions {
   double until = 0.5;         // share of the explorable cells
   double time_limit_s = 400;  // simulated
   double visit_range_m = 3;
+  double visit_fov_deg = 360;
+  std::string goals = "views";            // or network
   std::string localization = "matching";  // or odometry
   std::string odometry_noise = "none";
   std::string lidar_noise = "mild";
@@ -99,6 +101,7 @@ class DemoRun {
   void write_report(const DemoResult& result, const cv::Mat& map) const;
   void print_table(const DemoResult& result) const;
   double explorable_m2() const;
+  double local_map_width_m() const;
   double real_seconds() const;
 
   DemoOptions options_;

@@ -236,7 +236,13 @@ void add_eval_command(CLI::App& app, CommandAction& action) {
   command->add_option("--resolution", world.resolution_m, "metres a cell, for a bare image");
   command->add_option("--until", world.until, "share of the area to explore, for maps [0.99]");
   command->add_option("--sensor-range", world.sensor_range_m, "metres, for maps [3]");
+  command->add_option("--visit-range", world.visit_range_m,
+                      "metres within which a cell counts as seen, for maps [the sensor's]");
   command->add_option("--fov", world.fov_deg, "the lidar's field of view in degrees [360]");
+  command->add_option("--visit-fov", world.visit_fov_deg, "and within so many degrees ahead");
+  command->add_flag("--network-decides", world.network_decides,
+                    "maps: the network alone chooses goals, as in arenas; without it views of "
+                    "frontiers are weighed against its choice");
   command->add_option("--start", options->start, "x,y,heading (m, m, degrees) of the first robot");
   command->add_flag("--walls-known", world.walls_known, "arenas: the border is known at the start");
   command->add_flag("--reroute", world.reroute,

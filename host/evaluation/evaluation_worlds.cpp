@@ -24,19 +24,35 @@ EnvironmentConfig map_config(const WorldOptions& options, double default_until) 
   if (!(range_m >= 0.2 && range_m <= 12)) {
     throw std::invalid_argument("--sensor-range is 0.2 to 12 metres");
   }
+  const double visit_range_m = options.visit_range_m.value_or(range_m);
+  if (!(visit_range_m >= 0.2 && visit_range_m <= range_m)) {
+    throw std::invalid_argument("--visit-range is 0.2 metres to the sensor's range");
+  }
   const double fov_deg = options.fov_deg.value_or(360);
   if (!(fov_deg >= 10 && fov_deg <= 360)) {
     throw std::invalid_argument("--fov is 10 to 360 degrees");
   }
-  EnvironmentConfig config = EnvironmentConfig::building(static_cast<std::int32_t>(range_m * 1e6));
+  EnvironmentConfig config =
+      EnvironmentConfig::building(static_cast<std::int32_t>(visit_range_m * 1e6));
+  config.sensor_range_um = static_cast<std::int32_t>(range_m * 1e6);
+  config.explorer.fusion.mapping_range_um = config.sensor_range_um;
   config.until_coverage = options.until.value_or(default_until);
   if (!(config.until_coverage > 0 && config.until_coverage <= 1)) {
     throw std::invalid_argument("--until is a share of the area: above 0, at most 1");
   }
   config.max_actions_per_agent = 5'000;
-  if (fov_deg < 360) {
-    config.sensor_half_angle = BinaryAngle::from_degrees(fov_deg / 2).raw();
-    config.explorer.fusion.footprint.half_angle = config.sensor_half_angle;
+  const double visit_fov_deg = options.visit_fov_deg.value_or(fov_deg);
+  if (!(visit_fov_deg >= 10 && visit_fov_deg <= fov_deg)) {
+    throw std::invalid_argument("--visit-fov is 10 degrees to the sensor's field of view");
+  }
+  if (fov_deg < 360) config.sensor_half_angle = BinaryAngle::from_degrees(fov_deg / 2).raw();
+  if (visit_fov_deg < 360) {
+    config.explorer.fusion.footprint.half_angle =
+        BinaryAngle::from_degrees(visit_fov_deg / 2).raw();
+  }
+  if (options.network_decides) {
+    config.explorer.let_network_decide();
+    config.max_travel_um = 0;
   }
   return config;
 }
@@ -96,9 +112,12 @@ EvaluationWorld map_world(const WorldOptions& options, World world, double defau
 }
 
 EvaluationWorld arena_world(const WorldOptions& options, ArenaKind kind) {
-  if (options.until || options.sensor_range_m || options.fov_deg || options.start) {
-    throw std::invalid_argument("--until, --sensor-range, --fov and --start are for map files; " +
-                                options.name + " is an arena with the paper's camera");
+  if (options.until || options.sensor_range_m || options.fov_deg || options.start ||
+      options.network_decides) {
+    throw std::invalid_argument(
+        "--until, --sensor-range, --fov, --network-decides and --start "
+        "are for map files; " +
+        options.name + " is an arena with the paper's camera");
   }
   EvaluationWorld result;
   result.name = options.name;
@@ -123,13 +142,15 @@ std::string text_of(const WorldOptions& o) {
   add("resolution", o.resolution_m);
   add("until", o.until);
   add("range", o.sensor_range_m);
+  add("visit-range", o.visit_range_m);
+  add("visit-fov", o.visit_fov_deg);
   add("fov", o.fov_deg);
   if (o.start) {
     text << " start=" << o.start->position.x_um << ';' << o.start->position.y_um << ';'
          << o.start->heading.raw();
   }
   text << (o.walls_known ? " walls-known" : "") << (o.count_last_view ? " count-last-view" : "")
-       << (o.reroute ? " reroute" : "");
+       << (o.reroute ? " reroute" : "") << (o.network_decides ? " network-decides" : "");
   return text.str();
 }
 

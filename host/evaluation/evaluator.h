@@ -31,11 +31,14 @@ struct WorldOptions {
   std::optional<double> resolution_m;    // of a bare image
   std::optional<double> until;           // share of the explorable area, maps only
   std::optional<double> sensor_range_m;  // maps only
-  std::optional<double> fov_deg;         // maps only
-  std::optional<Pose> start;             // of the first robot, maps only
-  bool walls_known = false;              // arenas only
-  bool count_last_view = false;          // arenas only: count every view as a visit
-  bool reroute = false;                  // arenas only: drive around what is seen to block the way
+  // Maps only: within what a cell counts as seen; what the sensor sees where it is not said.
+  std::optional<double> visit_range_m, visit_fov_deg;
+  std::optional<double> fov_deg;  // maps only
+  bool network_decides = false;   // maps only: alone, as in arenas (ExplorerConfig)
+  std::optional<Pose> start;      // of the first robot, maps only
+  bool walls_known = false;       // arenas only
+  bool count_last_view = false;   // arenas only: count every view as a visit
+  bool reroute = false;           // arenas only: drive around what is seen to block the way
 };
 
 // Throws std::invalid_argument for names and options that cannot be used (the message says what

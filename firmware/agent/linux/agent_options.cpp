@@ -21,12 +21,13 @@ using NumberMember = double AgentOptions::*;
 using IntegerMember = std::int64_t AgentOptions::*;
 using SwitchMember = bool AgentOptions::*;
 using ProfileMember = ProfileChoice AgentOptions::*;
+using GoalsMember = GoalsChoice AgentOptions::*;
 using LocalizationMember = LocalizationChoice AgentOptions::*;
 using TelemetryMember = TelemetryFormat AgentOptions::*;
 struct StartPose {};
 
 using Member = std::variant<TextMember, NumberMember, IntegerMember, SwitchMember, ProfileMember,
-                            LocalizationMember, TelemetryMember, StartPose>;
+                            GoalsMember, LocalizationMember, TelemetryMember, StartPose>;
 
 // One option: its name in the file and, after "--", on the command line. `low`, `high` bound
 // numbers.
@@ -51,6 +52,9 @@ const std::array kOptions{
     Option{"model", &AgentOptions::model,
            "Quantized policy; without it frontiers alone are weighed"},
     Option{"profile", &AgentOptions::profile, "Map size and resolution: paper, robot or mcu"},
+    Option{"goals", &AgentOptions::goals,
+           "views (of frontiers; the network's goal where its view shows more) or network (alone, "
+           "as in the paper)"},
     Option{"localization", &AgentOptions::localization,
            "matching (scans against the map correct the odometry) or odometry"},
     Option{"start", StartPose{}, "Pose at start-up: X,Y,HEADING in metres and degrees"},
@@ -106,6 +110,8 @@ struct Named {
 constexpr std::array kProfiles{Named{"paper", ProfileChoice::kPaper},
                                Named{"robot", ProfileChoice::kRobot},
                                Named{"mcu", ProfileChoice::kMcu}};
+constexpr std::array kGoals{Named{"views", GoalsChoice::kViews},
+                            Named{"network", GoalsChoice::kNetwork}};
 constexpr std::array kLocalizations{Named{"odometry", LocalizationChoice::kOdometry},
                                     Named{"matching", LocalizationChoice::kMatching}};
 constexpr std::array kTelemetry{Named{"line", TelemetryFormat::kLine},
@@ -180,6 +186,9 @@ void set_from_node(AgentOptions& options, const Option& option, const toml::node
           [&](SwitchMember m) { options.*m = typed<bool>(node, "true or false", place); },
           [&](ProfileMember m) {
             options.*m = choose(kProfiles, typed<std::string>(node, "a string", place), place);
+          },
+          [&](GoalsMember m) {
+            options.*m = choose(kGoals, typed<std::string>(node, "a string", place), place);
           },
           [&](LocalizationMember m) {
             options.*m = choose(kLocalizations, typed<std::string>(node, "a string", place), place);
@@ -268,6 +277,7 @@ void set_from_text(AgentOptions& options, const Option& option, const std::strin
                    options.*m = text == "true";
                  },
                  [&](ProfileMember m) { options.*m = choose(kProfiles, text, place); },
+                 [&](GoalsMember m) { options.*m = choose(kGoals, text, place); },
                  [&](LocalizationMember m) { options.*m = choose(kLocalizations, text, place); },
                  [&](TelemetryMember m) { options.*m = choose(kTelemetry, text, place); },
                  [&](StartPose) { set_start(options, to_pose(text, place), place); }},
@@ -283,6 +293,7 @@ std::string default_text(const Option& option) {
                  [&](IntegerMember m) { return std::to_string(options.*m); },
                  [&](SwitchMember) { return std::string(); },  // off
                  [&](ProfileMember m) { return name_of(kProfiles, options.*m); },
+                 [&](GoalsMember m) { return name_of(kGoals, options.*m); },
                  [&](LocalizationMember m) { return name_of(kLocalizations, options.*m); },
                  [&](TelemetryMember m) { return name_of(kTelemetry, options.*m); },
                  [&](StartPose) { return std::string("0,0,0"); }},

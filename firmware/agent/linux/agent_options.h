@@ -15,6 +15,7 @@ class App;
 namespace ivfm {
 
 enum class ProfileChoice : std::uint8_t { kPaper, kRobot, kMcu };
+enum class GoalsChoice : std::uint8_t { kViews, kNetwork };
 enum class LocalizationChoice : std::uint8_t { kOdometry, kMatching };
 enum class TelemetryFormat : std::uint8_t { kLine, kJson, kOff };
 
@@ -30,6 +31,7 @@ struct AgentOptions {
   std::string
       model;  // quantized Q-network; empty: goes by what the views from frontiers would show
   ProfileChoice profile = ProfileChoice::kRobot;
+  GoalsChoice goals = GoalsChoice::kViews;
   LocalizationChoice localization = LocalizationChoice::kMatching;
   double start_x_m = 0;  // pose in the map at start-up
   double start_y_m = 0;

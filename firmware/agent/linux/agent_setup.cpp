@@ -28,6 +28,7 @@ ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um
   if (options.visit_fov_deg < 360) {
     config.fusion.footprint.half_angle = BinaryAngle::from_degrees(options.visit_fov_deg / 2).raw();
   }
+  if (options.goals == GoalsChoice::kNetwork) config.let_network_decide();
   // Distances between cells are those of their middles: an obstacle's edge and the robot may both
   // be half a cell nearer; the follower's deviations come on top.
   config.robot_radius_um = to_um(options.robot_radius_m) + cell_um + cell_um / 2;
@@ -78,6 +79,7 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
                   BinaryAngle::from_degrees(options.start_heading_deg)};
   config.rough_start = options.rough_start;
   config.max_action_travel_um = to_um(options.visit_range_m / 2);
+  config.keeps_goals = options.goals == GoalsChoice::kNetwork;
   if (const auto target = parse_place(options.target)) {
     config.target = Point{to_um((*target)[0]), to_um((*target)[1])};
   }
