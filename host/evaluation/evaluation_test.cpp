@@ -138,6 +138,17 @@ TEST(Worlds, AnUnknownNameListsTheKnownOnes) {
   EXPECT_THROW(make_world(options), std::invalid_argument);
 }
 
+TEST(Worlds, AnArenaRefusesWhatIsForMapFiles) {
+  WorldOptions range = named("1x"), fov = named("1x"), network = named("1x");
+  range.visit_range_m = 1.2;
+  fov.visit_fov_deg = 150;
+  network.network_decides = true;
+  for (const WorldOptions& options : {range, fov, network}) {
+    EXPECT_THAT([&] { make_world(options); },
+                ThrowsMessage<std::invalid_argument>(HasSubstr("are for map files")));
+  }
+}
+
 TEST(VainMoves, BarTheDirectionsInWhichTheRobotWasStuckUntilItMoves) {
   const Point here{0, 0};
   StepResult stuck, moved;

@@ -112,11 +112,11 @@ EvaluationWorld map_world(const WorldOptions& options, World world, double defau
 }
 
 EvaluationWorld arena_world(const WorldOptions& options, ArenaKind kind) {
-  if (options.until || options.sensor_range_m || options.fov_deg || options.start ||
-      options.network_decides) {
+  if (options.until || options.sensor_range_m || options.visit_range_m || options.fov_deg ||
+      options.visit_fov_deg || options.network_decides || options.start) {
     throw std::invalid_argument(
-        "--until, --sensor-range, --fov, --network-decides and --start "
-        "are for map files; " +
+        "--until, --sensor-range, --visit-range, --fov, --visit-fov, --network-decides and "
+        "--start are for map files; " +
         options.name + " is an arena with the paper's camera");
   }
   EvaluationWorld result;

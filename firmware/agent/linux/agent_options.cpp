@@ -118,6 +118,12 @@ constexpr std::array kTelemetry{Named{"line", TelemetryFormat::kLine},
                                 Named{"json", TelemetryFormat::kJson},
                                 Named{"off", TelemetryFormat::kOff}};
 
+// Of an option that is one of several.
+const auto& names_of(ProfileMember) { return kProfiles; }
+const auto& names_of(GoalsMember) { return kGoals; }
+const auto& names_of(LocalizationMember) { return kLocalizations; }
+const auto& names_of(TelemetryMember) { return kTelemetry; }
+
 template <typename Choice, std::size_t N>
 Choice choose(const std::array<Named<Choice>, N>& all, const std::string& text,
               const Place& place) {
@@ -184,18 +190,6 @@ void set_from_node(AgentOptions& options, const Option& option, const toml::node
             options.*m = value;
           },
           [&](SwitchMember m) { options.*m = typed<bool>(node, "true or false", place); },
-          [&](ProfileMember m) {
-            options.*m = choose(kProfiles, typed<std::string>(node, "a string", place), place);
-          },
-          [&](GoalsMember m) {
-            options.*m = choose(kGoals, typed<std::string>(node, "a string", place), place);
-          },
-          [&](LocalizationMember m) {
-            options.*m = choose(kLocalizations, typed<std::string>(node, "a string", place), place);
-          },
-          [&](TelemetryMember m) {
-            options.*m = choose(kTelemetry, typed<std::string>(node, "a string", place), place);
-          },
           [&](StartPose) {
             const toml::array* pose = node.as_array();
             if (pose == nullptr || pose->size() != 3) {
@@ -205,6 +199,9 @@ void set_from_node(AgentOptions& options, const Option& option, const toml::node
                 options,
                 {number((*pose)[0], place), number((*pose)[1], place), number((*pose)[2], place)},
                 place);
+          },
+          [&](auto m) {
+            options.*m = choose(names_of(m), typed<std::string>(node, "a string", place), place);
           }},
       option.member);
 }
@@ -260,44 +257,36 @@ std::array<double, 3> to_pose(const std::string& text, const Place& place) {
 
 void set_from_text(AgentOptions& options, const Option& option, const std::string& text) {
   const Place place{std::string("--") + option.name};
-  std::visit(
-      Overloaded{[&](TextMember m) { options.*m = text; },
-                 [&](NumberMember m) {
-                   options.*m = checked_range(option, to_number(text, place), place);
-                 },
-                 [&](IntegerMember m) {
-                   const std::int64_t value = to_integer(text, place);
-                   checked_range(option, static_cast<double>(value), place);
-                   options.*m = value;
-                 },
-                 [&](SwitchMember m) {
-                   if (text != "true" && text != "false") {
-                     place.fail("'" + text + "' is wrong; right is true or false");
-                   }
-                   options.*m = text == "true";
-                 },
-                 [&](ProfileMember m) { options.*m = choose(kProfiles, text, place); },
-                 [&](GoalsMember m) { options.*m = choose(kGoals, text, place); },
-                 [&](LocalizationMember m) { options.*m = choose(kLocalizations, text, place); },
-                 [&](TelemetryMember m) { options.*m = choose(kTelemetry, text, place); },
-                 [&](StartPose) { set_start(options, to_pose(text, place), place); }},
-      option.member);
+  std::visit(Overloaded{[&](TextMember m) { options.*m = text; },
+                        [&](NumberMember m) {
+                          options.*m = checked_range(option, to_number(text, place), place);
+                        },
+                        [&](IntegerMember m) {
+                          const std::int64_t value = to_integer(text, place);
+                          checked_range(option, static_cast<double>(value), place);
+                          options.*m = value;
+                        },
+                        [&](SwitchMember m) {
+                          if (text != "true" && text != "false") {
+                            place.fail("'" + text + "' is wrong; right is true or false");
+                          }
+                          options.*m = text == "true";
+                        },
+                        [&](StartPose) { set_start(options, to_pose(text, place), place); },
+                        [&](auto m) { options.*m = choose(names_of(m), text, place); }},
+             option.member);
 }
 
 // As --help shows it: what holds where nothing is said.
 std::string default_text(const Option& option) {
   const AgentOptions options;
-  return std::visit(
-      Overloaded{[&](TextMember m) { return options.*m; },
-                 [&](NumberMember m) { return plain(options.*m); },
-                 [&](IntegerMember m) { return std::to_string(options.*m); },
-                 [&](SwitchMember) { return std::string(); },  // off
-                 [&](ProfileMember m) { return name_of(kProfiles, options.*m); },
-                 [&](GoalsMember m) { return name_of(kGoals, options.*m); },
-                 [&](LocalizationMember m) { return name_of(kLocalizations, options.*m); },
-                 [&](TelemetryMember m) { return name_of(kTelemetry, options.*m); },
-                 [&](StartPose) { return std::string("0,0,0"); }},
-      option.member);
+  return std::visit(Overloaded{[&](TextMember m) { return options.*m; },
+                               [&](NumberMember m) { return plain(options.*m); },
+                               [&](IntegerMember m) { return std::to_string(options.*m); },
+                               [&](SwitchMember) { return std::string(); },  // off
+                               [&](StartPose) { return std::string("0,0,0"); },
+                               [&](auto m) { return name_of(names_of(m), options.*m); }},
+                    option.member);
 }
 
 std::string read_file(const std::string& path) {

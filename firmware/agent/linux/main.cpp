@@ -138,10 +138,14 @@ class Telemetry {
 };
 
 void say_goodbye(bool has_radio) {
-  std::fprintf(stderr, "ivfm-agent: stopping%s\n",
-               has_radio ? "; the rest of the map goes to the server, for 40 s at most (a second "
-                           "signal ends that)"
-                         : "");
+  if (!has_radio) {
+    std::fprintf(stderr, "ivfm-agent: stopping\n");
+    return;
+  }
+  std::fprintf(stderr,
+               "ivfm-agent: stopping; the rest of the map goes to the server, for %d s at most (a "
+               "second signal ends that)\n",
+               static_cast<int>(kGoodbyeUs / 1'000'000));
 }
 
 // Steps the agent until a signal comes, then lets it stop and hand over what it still has; a second
