@@ -55,8 +55,7 @@ void Localization::deskew(const Scan& scan, TimeUs start_us, TimeUs end_us, Scan
 }
 
 Pose Localization::to_map(const Pose& in_odometry) const {
-  return {transform(correction_, in_odometry.position.x_um, in_odometry.position.y_um),
-          correction_.heading + in_odometry.heading};
+  return compose(correction_, in_odometry);
 }
 
 // Carries the covariance on to where the odometry says the robot has moved.

@@ -73,6 +73,10 @@ struct ExplorerConfig {
     c.pool = pool < 1 ? 1 : (pool > kMaxPool ? kMaxPool : pool);
     return c;
   }
+  // Side of the local map.
+  constexpr std::int32_t local_map_um(std::int32_t cell_um) const {
+    return kPolicyCells * pool * cell_um;
+  }
   // The network decides alone while the local map is worth visiting, else the richest region of
   // the whole map is next: as in the paper's arenas.
   constexpr void let_network_decide() {

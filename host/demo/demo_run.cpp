@@ -245,7 +245,7 @@ double DemoRun::explorable_m2() const {
 
 double DemoRun::local_map_width_m() const {
   const auto visit_range_um = static_cast<std::int32_t>(std::lround(options_.visit_range_m * 1e6));
-  return kPolicyCells * ExplorerConfig::lidar(visit_range_um, kCellUm).pool * (kCellUm / 1e6);
+  return 1e-6 * ExplorerConfig::lidar(visit_range_um, kCellUm).local_map_um(kCellUm);
 }
 
 double DemoRun::real_seconds() const {

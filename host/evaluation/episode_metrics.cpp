@@ -39,7 +39,7 @@ double ratio(double a, double b) { return b > 0 ? a / b : 0; }
 }  // namespace
 
 double local_map_width_m(const EnvironmentConfig& config) {
-  return 1e-6 * config.cell_um * config.explorer.pool * kPolicyCells;
+  return 1e-6 * config.explorer.local_map_um(config.cell_um);
 }
 
 EpisodeMetrics measured(const ExplorationEnvironment& env, std::span<const std::int64_t> sim_steps,

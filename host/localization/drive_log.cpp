@@ -97,10 +97,6 @@ Pose to_pose(const TruePose& pose) {
           BinaryAngle::from_radians(pose.heading_rad)};
 }
 
-Pose compose(const Pose& ab, const Pose& bc) {
-  return {transform(ab, bc.position.x_um, bc.position.y_um), ab.heading + bc.heading};
-}
-
 std::vector<ScanPoint> seen_from_axle(const std::vector<ScanPoint>& points,
                                       const Pose& lidar_in_robot) {
   if (lidar_in_robot == Pose{}) return points;

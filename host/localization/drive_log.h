@@ -60,9 +60,6 @@ struct SensorNoise {
   static SensorNoise preset(const std::string& name);
 };
 
-// T_a_b * T_b_c.
-Pose compose(const Pose& ab, const Pose& bc);
-
 // `points` as if the lidar sat in the middle of the axle, where the localization expects it.
 std::vector<ScanPoint> seen_from_axle(const std::vector<ScanPoint>& points,
                                       const Pose& lidar_in_robot);

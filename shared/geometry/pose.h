@@ -28,6 +28,11 @@ constexpr Point transform(const Pose& pose, std::int32_t forward_um, std::int32_
           pose.position.y_um + scale_q30(forward_um, s) + scale_q30(left_um, c)};
 }
 
+// T_a_b * T_b_c.
+constexpr Pose compose(const Pose& ab, const Pose& bc) {
+  return {transform(ab, bc.position.x_um, bc.position.y_um), ab.heading + bc.heading};
+}
+
 constexpr std::int64_t squared_distance_um2(Point a, Point b) {
   const std::int64_t dx = std::int64_t{a.x_um} - b.x_um, dy = std::int64_t{a.y_um} - b.y_um;
   return dx * dx + dy * dy;
