@@ -137,6 +137,7 @@ bool MapLink::is_from_present_server(const DatagramHeader& header) {
   connected_ = false;
   probe_.pending = true;
   newest_update_ = 0;
+  newest_places_ = 0;
   command_revision_ = 0;
   taken_ = {};
   acknowledgement_due_ = false;
@@ -151,6 +152,7 @@ void MapLink::handle_body(const OpenedDatagram& opened, TimeUs now_us) {
     case MessageKind::kCommand: handle_command(sequence, opened.body); break;
     case MessageKind::kWelcome: handle_welcome(opened.body, now_us); break;
     case MessageKind::kRestore: handle_restore(opened.body, now_us); break;
+    case MessageKind::kPlaces: handle_places(sequence, opened.body, now_us); break;
     default: break;  // open_datagram() lets only the server's kinds through
   }
 }
@@ -263,6 +265,26 @@ void MapLink::handle_command(std::uint32_t sequence, std::span<const std::uint8_
   }
   command_revision_ = command->revision;
   command_ = command->code;
+}
+
+void MapLink::handle_places(std::uint32_t sequence, std::span<const std::uint8_t> body,
+                            TimeUs now_us) {
+  const auto message = decode_robot_places(body);
+  if (!message.ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  if (sequence < newest_places_) {
+    ++counters_.dropped_stale;
+    return;
+  }
+  newest_places_ = sequence;
+  peers_size_ = 0;
+  for (const RobotPlace& place : message->places()) {
+    const TimeUs age_us = std::min<TimeUs>(now_us, place.age_10ms * TimeUs{10'000});
+    peers_[peers_size_++] = {{*um_from_float16(place.x), *um_from_float16(place.y)},
+                             now_us - age_us};
+  }
 }
 
 void MapLink::note_taken(std::uint32_t sequence) {

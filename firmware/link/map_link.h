@@ -10,6 +10,7 @@
 #include "firmware/hal/clock.h"
 #include "firmware/hal/datagram_socket.h"
 #include "firmware/link/dirty_rectangles.h"
+#include "firmware/link/peer_robot.h"
 #include "firmware/link/shared_map.h"
 #include "shared/geometry/pose.h"
 #include "shared/wire/datagram.h"
@@ -84,6 +85,8 @@ class MapLink {
   void report_found(Point target);
   // The newest command not yet taken, if there is one.
   std::optional<CommandCode> take_command();
+  // Other robots near this one, as the server told last; look at how old they are.
+  std::span<const PeerRobot> peers() const { return {peers_.data(), peers_size_}; }
 
   // The epoch in use: the configured one or a larger one.
   std::uint32_t epoch() const { return epoch_; }
@@ -122,6 +125,7 @@ class MapLink {
   void handle_command(std::uint32_t sequence, std::span<const std::uint8_t> body);
   void handle_welcome(std::span<const std::uint8_t> body, TimeUs now_us);
   void handle_restore(std::span<const std::uint8_t> body, TimeUs now_us);
+  void handle_places(std::uint32_t sequence, std::span<const std::uint8_t> body, TimeUs now_us);
   bool has_right_cells(std::span<const std::uint8_t> map_update);
   void note_answer(TimeUs now_us);
   void note_taken(std::uint32_t sequence);
@@ -192,6 +196,9 @@ class MapLink {
   bool acknowledgement_due_ = false;
   std::uint32_t command_revision_ = 0;
   std::optional<CommandCode> command_;
+  std::uint32_t newest_places_ = 0;
+  std::array<PeerRobot, RobotPlaces::kMost> peers_{};
+  std::size_t peers_size_ = 0;
 
   Reliable probe_;  // a hello to a server not known yet, or silent
   Reliable hello_;

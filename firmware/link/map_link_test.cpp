@@ -45,6 +45,9 @@ class ServerModel {
   void send_command(CommandCode code, std::uint32_t revision) {
     send(MessageKind::kCommand, *encode(Command{code, revision}, body_of(out_)));
   }
+  void send_places(const RobotPlaces& places) {
+    send(MessageKind::kPlaces, *encode(places, body_of(out_)));
+  }
   std::uint32_t send_region(Layer layer, const CellRect& rect, std::vector<std::uint8_t> cells,
                             std::int32_t cell_um = 50000) {
     MapUpdateWriter writer(body_of(out_), cell_um, {});
@@ -263,6 +266,32 @@ TEST_F(MapLinkTest, AnOlderUpdateNeverReplacesANewerOne) {
   EXPECT_TRUE(server_.last_acknowledgement.covers(sequence));
   EXPECT_FALSE(server_.last_acknowledgement.covers(old_sequence));
   EXPECT_EQ(link_.counters().dropped_stale, 1u);
+}
+
+TEST_F(MapLinkTest, TheNewestPlacesOfOtherRobotsAreKnown) {
+  RobotPlaces two;
+  two.size = 2;
+  two.storage[0] = {float16_from_um(1'500'000), float16_from_um(-2'000'000), 30};
+  two.storage[1] = {float16_from_um(-1'000'000), 0, 0};
+  run(kSecond);
+  EXPECT_TRUE(link_.peers().empty());
+  const TimeUs before = now_;
+  const std::uint32_t old_sequence = server_.sequence;
+  server_.send_places({});
+  server_.send_places(two);
+  run(kSecond);
+  ASSERT_EQ(link_.peers().size(), 2u);
+  EXPECT_EQ(link_.peers()[0].position, (Point{1'500'000, -2'000'000}));
+  EXPECT_EQ(link_.peers()[0].told_us + 300'000, link_.peers()[1].told_us);
+  EXPECT_GE(link_.peers()[1].told_us, before);
+  server_.sequence = old_sequence;  // what a delayed datagram looks like
+  server_.send_places({});
+  run(kSecond);
+  EXPECT_EQ(link_.peers().size(), 2u);
+  server_.sequence += 10;
+  server_.send_places({});
+  run(kSecond);
+  EXPECT_TRUE(link_.peers().empty());
 }
 
 TEST_F(MapLinkTest, ARestartedServerIsUnderstoodAndItsFormerSelfIgnored) {

@@ -16,7 +16,6 @@ namespace {
 constexpr TimeUs kTickUs = 100'000;
 constexpr TimeUs kGoodbyeUs = 10'000'000;
 constexpr std::int64_t kSimStepsPerSecond = 240;
-constexpr std::size_t kPoseBodyBytes = 8;  // whose it is, and the pose as map updates carry it
 
 // The environment itself tells the agents what the others saw.
 class OwnLayers final : public SharedMap {
@@ -116,7 +115,6 @@ struct WireMeter::Team final : DatagramSender {
   std::optional<MapServer> server;
   TimeUs now_us = 1;
   TimeUs until_us = 1;
-  std::uint64_t pose_bytes = 0;
 };
 
 WireMeter::WireMeter(ExplorationEnvironment& env) : env_(env), team_(std::make_unique<Team>()) {
@@ -133,9 +131,6 @@ void WireMeter::note_action(std::int32_t sim_steps) {
   }
   const std::int64_t us = std::int64_t{sim_steps} * 1'000'000 / kSimStepsPerSecond;
   const int agents = std::max(1, env_.agents());
-  team_->pose_bytes += static_cast<std::uint64_t>(agents - 1) *
-                       (kUdpIpOverheadBytes + kDatagramHeaderBytes + kPoseBodyBytes +
-                        team_->keys.of(1)->trailer_bytes());
   team_->until_us += static_cast<TimeUs>(us / agents);
   while (team_->now_us < team_->until_us) team_->tick(env_);
 }
@@ -147,7 +142,7 @@ std::uint64_t WireMeter::finish() {
     team_->tick(env_);
   } while (!team_->is_quiet() && team_->now_us < limit_us);
   const TrafficCounters& traffic = team_->server->counters().traffic;
-  return traffic.bytes_in + traffic.bytes_out + team_->pose_bytes;
+  return traffic.bytes_in + traffic.bytes_out;
 }
 
 }  // namespace ivfm::host

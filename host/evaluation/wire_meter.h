@@ -10,10 +10,9 @@ namespace ivfm::host {
 
 // Each agent has the firmware's link with an encrypting seal, on a radio that loses nothing, to a
 // map server in memory. Counted are all datagrams both ways with their IP and UDP headers: hellos,
-// map updates, status every second, acknowledgements. Besides, as the environment tells each agent
-// where the others stand and no link does, a datagram with that pose to each of them after every
-// action. The agents drive at the same time here, so that an action lasts its own time divided by
-// their number. The same episode gives the same bytes.
+// map updates, status every second, places of the others, acknowledgements. The agents drive at the
+// same time here, so that an action lasts its own time divided by their number. The same episode
+// gives the same bytes.
 class WireMeter {
  public:
   // Listens to what `env` shares from now on, until destroyed; make it before reset(). `env` must

@@ -153,7 +153,7 @@ def check_recording(source_dir, ivfm, fleet, folder):
     assert len(layers) > 20, len(layers)
     assert all(layer is not None for layer in layers)
     kinds = {layer.get("ivfm.kind") for layer in layers}
-    assert {"0x01", "0x03", "0x04", "0x82", "0x84"} <= kinds, kinds
+    assert {"0x01", "0x03", "0x04", "0x82", "0x84", "0x86"} <= kinds, kinds
     hurt = [layer for layer in layers if "damaged" in json.dumps(layer)]
     assert not hurt, json.dumps(hurt[0], indent=1)
     assert {layer["ivfm.check"] for layer in layers} == {"good"}

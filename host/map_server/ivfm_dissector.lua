@@ -16,7 +16,7 @@ local kinds = {
   [0x01] = "map update", [0x02] = "acknowledgement", [0x03] = "hello", [0x04] = "status",
   [0x05] = "found", [0x06] = "restore request", [0x81] = "map update of the others",
   [0x82] = "acknowledgement by the server", [0x83] = "command", [0x84] = "welcome",
-  [0x85] = "restore",
+  [0x85] = "restore", [0x86] = "places of other robots",
 }
 local layers = {[0] = "visits", [1] = "obstacles", [255] = "end"}
 local codings = {[0] = "raw", [1] = "packed", [2] = "runs", [3] = "packed rows", [4] = "run rows"}
@@ -62,6 +62,7 @@ local f = {
   target_y_um = ProtoField.int32("ivfm.target_y_um", "Target y (um)"),
   command = ProtoField.uint8("ivfm.command", "Command", base.DEC, commands),
   revision = ProtoField.uint32("ivfm.revision", "Revision"),
+  age = ProtoField.uint8("ivfm.age", "Age (10 ms)"),
   new_epoch = ProtoField.uint32("ivfm.new_epoch", "Epoch to use"),
   flags = ProtoField.uint8("ivfm.flags", "Flags", base.HEX),
   rest = ProtoField.bytes("ivfm.rest", "Not understood"),
@@ -346,12 +347,13 @@ function Reader:take(tree, field, size)
   tree:add_le(field, range)
   return range
 end
-function Reader:pose(tree)
-  for _, field in ipairs({f.x, f.y, f.heading}) do
+function Reader:halves(tree, fields)
+  for _, field in ipairs(fields) do
     local range = self:range(2)
     tree:add(field, range, half(range:le_uint()))
   end
 end
+function Reader:pose(tree) self:halves(tree, {f.x, f.y, f.heading}) end
 
 -- Bits from the lowest of each byte upwards.
 local function bit_reader(range)
@@ -501,11 +503,19 @@ function Reader:restore(tree)
   return self:map_update(tree)
 end
 
+function Reader:places(tree)
+  while self:left() > 0 do
+    self:halves(tree, {f.x, f.y})
+    self:take(tree, f.age, 1)
+  end
+end
+
 local messages = {
   [0x01] = Reader.map_update, [0x02] = Reader.acknowledgement, [0x03] = Reader.hello,
   [0x04] = Reader.status, [0x05] = Reader.found, [0x06] = Reader.restore_request,
   [0x81] = Reader.map_update, [0x82] = Reader.acknowledgement, [0x83] = Reader.command,
   [0x84] = Reader.welcome, [0x85] = Reader.restore,
+  [0x86] = Reader.places,
 }
 
 local function dissect_content(content, tree, info)

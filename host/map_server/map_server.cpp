@@ -1,6 +1,7 @@
 #include "host/map_server/map_server.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <limits>
 
 namespace ivfm::host {
@@ -10,6 +11,11 @@ namespace {
 constexpr TimeUs kAwayAfterUs = 60000000;
 constexpr TimeUs kCommandRetryUs = 500000;
 constexpr TimeUs kForgetPeriodUs = 10000000;
+// A robot's lidar sees others no farther away, and is told of them no more often; a place that was
+// told longer ago says too little.
+constexpr std::int64_t kSightUm = 14000000;
+constexpr TimeUs kPlacesPeriodUs = 400000;
+constexpr TimeUs kPlaceAgeUs = 2000000;
 
 std::int64_t to_sql(TimeUs time_us) { return static_cast<std::int64_t>(time_us); }
 
@@ -383,6 +389,7 @@ void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
 void MapServer::take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us) {
   const Pose pose = *unpack_pose(packed);
   robot.pose = pose;
+  robot.pose_us = now_us;
   if (cell_um_) robot.cell = GridFrame(*cell_um_, {}).cell_at(pose.position);
   rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot, pose](RunDatabase& database) {
     database.add_pose(time, id, pose);
@@ -397,6 +404,7 @@ void MapServer::step(TimeUs now_us) {
     Robot& robot = entry.second;
     if (!robot.heard || now_us - robot.last_heard_us > kAwayAfterUs) continue;
     send_command_if_due(robot, now_us);
+    send_places(robot, now_us);
     send_downlink(robot, now_us);
   }
 }
@@ -534,6 +542,32 @@ void MapServer::send_command_if_due(Robot& robot, TimeUs now_us) {
   robot.command_sent_us = now_us;
   robot.command_sequence =
       send(robot, MessageKind::kCommand, *encode(*robot.command, body_of(out_)));
+}
+
+// Where the nearest others are, once one of them has told it anew.
+void MapServer::send_places(Robot& robot, TimeUs now_us) {
+  if (!robot.pose || now_us - robot.places_us < kPlacesPeriodUs) return;
+  std::vector<std::pair<std::int64_t, const Robot*>> near;  // by squared distance
+  bool news = false;
+  for (const auto& [id, other] : robots_) {
+    if (&other == &robot || !other.pose || now_us - other.pose_us > kPlaceAgeUs) continue;
+    const std::int64_t dx = other.pose->position.x_um - std::int64_t{robot.pose->position.x_um};
+    const std::int64_t dy = other.pose->position.y_um - std::int64_t{robot.pose->position.y_um};
+    if (std::max(std::abs(dx), std::abs(dy)) > kSightUm) continue;
+    near.emplace_back(dx * dx + dy * dy, &other);
+    news = news || other.pose_us > robot.places_us;
+  }
+  if (!news) return;
+  robot.places_us = now_us;
+  const std::size_t count = std::min(near.size(), RobotPlaces::kMost);
+  std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), near.end());
+  RobotPlaces message;
+  for (const auto& [square, other] : std::span(near).first(count)) {
+    const PackedPose pose = pack_pose(*other->pose);
+    const TimeUs age_us = now_us - other->pose_us;
+    message.storage[message.size++] = {pose.x, pose.y, static_cast<std::uint8_t>(age_us / 10000)};
+  }
+  send(robot, MessageKind::kPlaces, *encode(message, body_of(out_)));
 }
 
 std::uint32_t MapServer::send(Robot& robot, MessageKind kind, std::size_t body_size) {

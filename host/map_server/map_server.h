@@ -136,6 +136,8 @@ class MapServer {
     const DatagramSeal* seal = nullptr;
     Cell cell;  // where it is
     std::optional<Pose> pose;
+    TimeUs pose_us = 0;    // when it told that
+    TimeUs places_us = 0;  // when it was told where others are
     std::optional<Cell> goal;
     std::optional<RobotStatus> status;
     std::vector<std::uint32_t> to_acknowledge;  // taken over, not committed yet
@@ -182,6 +184,7 @@ class MapServer {
   void send_downlink(Robot& robot, TimeUs now_us);
   bool send_downlink_datagram(Robot& robot, TimeUs now_us);
   void send_command_if_due(Robot& robot, TimeUs now_us);
+  void send_places(Robot& robot, TimeUs now_us);
   void set_command(Robot& robot, CommandCode code);
   std::uint32_t send(Robot& robot, MessageKind kind, std::size_t body_size);
   std::uint32_t send_to(Robot& robot, const PeerAddress& to, std::uint64_t receiver_boot,

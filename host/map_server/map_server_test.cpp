@@ -66,7 +66,7 @@ class Team : public DatagramSender {
     now_ += kTick;
     for (auto& member : members_) {
       member->radio.set_now(now_);
-      member->link->step(now_, {});
+      member->link->step(now_, member->pose);
     }
     std::array<std::uint8_t, kMaxDatagramBytes> buffer;
     for (std::size_t i = 0; i < members_.size(); ++i) {
@@ -98,6 +98,7 @@ class Team : public DatagramSender {
     members_[robot]->map.visit(rect);
     members_[robot]->link->mark_dirty(Layer::kVisits, rect);
   }
+  void place(std::size_t robot, Point at) { members_[robot]->pose.position = at; }
   void set_obstacles(std::size_t robot, const CellRect& rect, std::uint8_t value) {
     SmallMap& map = members_[robot]->map;
     for_each_cell(rect, [&](Cell c) { map.set_own(Layer::kObstacles, c, value); });
@@ -141,6 +142,7 @@ class Team : public DatagramSender {
     FakeRadio radio;
     SmallMap map{kWindow};
     std::optional<MapLink> link;
+    Pose pose;
   };
   ScratchFolder folder_;
   TimeUs now_ = kSecond;
@@ -242,6 +244,25 @@ TEST(MapServer, AFindEndsTheSearchForTheOthers) {
   team.radio(2).set_partitioned(false);
   team.run(20 * kSecond);
   EXPECT_EQ(team.link(2).take_command(), CommandCode::kFound);
+}
+
+TEST(MapServer, RobotsHearWhereTheOthersNearThemAre) {
+  Team team(4);
+  team.place(1, {3'000'000, -1'000'000});
+  team.place(2, {1'000'000, 1'000'000});
+  team.place(3, {20'000'000, 0});
+  team.run(5 * kSecond);
+  ASSERT_EQ(team.link(0).peers().size(), 2u);  // the nearest first
+  EXPECT_EQ(team.link(0).peers()[0].position, (Point{1'000'000, 1'000'000}));
+  EXPECT_EQ(team.link(0).peers()[1].position, (Point{3'000'000, -1'000'000}));
+  EXPECT_TRUE(team.link(3).peers().empty());
+  for (const PeerRobot& peer : team.link(0).peers()) {
+    EXPECT_LE(team.now_us() - peer.told_us, kSecond + 2 * kTick + 400'000);
+  }
+  team.radio(2).set_partitioned(true);  // what it told is forgotten
+  team.run(4 * kSecond);
+  ASSERT_EQ(team.link(0).peers().size(), 1u);
+  EXPECT_EQ(team.link(0).peers()[0].position, (Point{3'000'000, -1'000'000}));
 }
 
 TEST(MapServer, CommandsAreRepeatedUntilAcknowledged) {

@@ -25,7 +25,8 @@ constexpr bool is_known(MessageKind kind) {
     case MessageKind::kServerAcknowledgement:
     case MessageKind::kCommand:
     case MessageKind::kWelcome:
-    case MessageKind::kRestore: return true;
+    case MessageKind::kRestore:
+    case MessageKind::kPlaces: return true;
   }
   return false;
 }

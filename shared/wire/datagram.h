@@ -35,6 +35,7 @@ enum class MessageKind : std::uint8_t {
   kCommand = 0x83,
   kWelcome = 0x84,
   kRestore = 0x85,
+  kPlaces = 0x86,
 };
 
 constexpr bool is_from_server(MessageKind kind) {

@@ -243,4 +243,28 @@ Result<Command> decode_command(std::span<const std::uint8_t> body) {
   return Command{static_cast<CommandCode>(code), revision};
 }
 
+Result<std::size_t> encode(const RobotPlaces& message, std::span<std::uint8_t> out) {
+  ByteWriter writer(out);
+  for (const RobotPlace& place : message.places()) {
+    writer.u16(place.x);
+    writer.u16(place.y);
+    writer.u8(place.age_10ms);
+  }
+  return finished(writer);
+}
+
+Result<RobotPlaces> decode_robot_places(std::span<const std::uint8_t> body) {
+  ByteReader reader(body);
+  RobotPlaces message;
+  while (reader.remaining() > 0 && message.size < RobotPlaces::kMost) {
+    RobotPlace& place = message.storage[message.size++];
+    place.x = reader.u16();
+    place.y = reader.u16();
+    place.age_10ms = reader.u8();
+    if (!um_from_float16(place.x).ok() || !um_from_float16(place.y).ok()) return Status::kCorrupt;
+  }
+  if (const Status status = ending(reader); !ok(status)) return status;
+  return message;
+}
+
 }  // namespace ivfm

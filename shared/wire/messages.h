@@ -127,4 +127,22 @@ inline constexpr std::size_t kCommandBytes = 5;
 Result<std::size_t> encode(const Command& message, std::span<std::uint8_t> out);
 Result<Command> decode_command(std::span<const std::uint8_t> body);
 
+// Where another robot was.
+struct RobotPlace {
+  Float16 x = 0, y = 0;       // metres, finite
+  std::uint8_t age_10ms = 0;  // when the server sent this, in hundredths of a second
+  constexpr bool operator==(const RobotPlace&) const = default;
+};
+// The nearest of the other robots that have told a place lately; replaces what was told before.
+// Sent as often as they tell, never acknowledged.
+struct RobotPlaces {
+  static constexpr std::size_t kMost = 8;
+  std::array<RobotPlace, kMost> storage{};
+  std::uint8_t size = 0;
+  std::span<const RobotPlace> places() const { return {storage.data(), size}; }
+  constexpr bool operator==(const RobotPlaces&) const = default;
+};
+Result<std::size_t> encode(const RobotPlaces& message, std::span<std::uint8_t> out);
+Result<RobotPlaces> decode_robot_places(std::span<const std::uint8_t> body);
+
 }  // namespace ivfm

@@ -140,6 +140,23 @@ TEST(Messages, CommandsAreOnlyTheKnownOnes) {
   expect_exact_size(command, decode_command);
 }
 
+TEST(Messages, PlacesAreAtMostEight) {
+  RobotPlaces message;
+  for (std::uint8_t i = 0; i < RobotPlaces::kMost; ++i) {
+    EXPECT_EQ(encoded(message).size(), i * 5u);
+    EXPECT_EQ(*decode_robot_places(encoded(message)), message);
+    message.storage[message.size++] = {float16_from_um(1'500'000), float16_from_um(-i), i};
+  }
+  Bytes body = encoded(message);
+  EXPECT_EQ((Bytes{body.begin(), body.begin() + 5}), (Bytes{0x00, 0x3e, 0, 0, 0}));
+  EXPECT_EQ(*decode_robot_places(body), message);
+  body.pop_back();
+  EXPECT_EQ(decode_robot_places(body).status(), Status::kTruncated);
+  body.resize(45);
+  EXPECT_EQ(decode_robot_places(body).status(), Status::kCorrupt);
+  EXPECT_EQ(decode_robot_places(Bytes{0, 0x7c, 0, 0, 0}).status(), Status::kCorrupt);  // infinite
+}
+
 TEST(Messages, RandomBytesNeverHarm) {
   std::mt19937 random(1);
   for (int round = 0; round < 50000; ++round) {
@@ -153,6 +170,7 @@ TEST(Messages, RandomBytesNeverHarm) {
     static_cast<void>(decode_robot_status(body));
     static_cast<void>(decode_found_report(body));
     static_cast<void>(decode_command(body));
+    static_cast<void>(decode_robot_places(body));
   }
 }
 
