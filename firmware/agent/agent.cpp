@@ -81,6 +81,10 @@ void Agent::sense_surroundings(TimeUs now_us) {
     align_start();
     return;
   }
+  if (!localization_.lost()) {
+    mark_robots(config_.others, link_.peers(), localization_.pose_at(measured_us), measured_us,
+                scan_);
+  }
   if (localization.matching) {
     (void)localization_.correct(explorer_.map(), scan_, measured_us);
     pose_ = localization_.pose();

@@ -14,6 +14,7 @@
 #include "firmware/lidar/rplidar_driver.h"
 #include "firmware/link/map_link.h"
 #include "firmware/localization/localization.h"
+#include "firmware/localization/robot_mask.h"
 #include "firmware/localization/start_alignment.h"
 #include "firmware/nn/q_network.h"
 #include "firmware/planning/explorer.h"
@@ -28,6 +29,7 @@ struct AgentConfig {
   RplidarConfig lidar;
   WheelDriveConfig wheels;
   LocalizationConfig localization;
+  RobotMaskConfig others;
   FollowerConfig follower;
   SupervisorConfig supervisor;
   MapLinkConfig link;

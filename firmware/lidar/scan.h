@@ -15,6 +15,7 @@ enum class Echo : std::uint8_t {
   kHit,      // an obstacle at `range_mm`
   kClear,    // certainly nothing up to `range_mm` (simulated sensors of limited range, cameras)
   kNothing,  // no measurement; says nothing about the world
+  kRobot,    // another robot of the team at `range_mm`: in the way now, but no part of the map
 };
 
 // A beam in the robot's frame: bearing counter-clockwise from straight ahead.
@@ -23,6 +24,8 @@ struct ScanPoint {
   std::uint16_t range_mm = 0;
   Echo echo = Echo::kNothing;
   std::uint8_t quality = 0;  // as the sensor reports it, 0 .. 63
+  // Something is there now.
+  constexpr bool is_in_the_way() const { return echo == Echo::kHit || echo == Echo::kRobot; }
   constexpr bool operator==(const ScanPoint&) const = default;
 };
 

@@ -92,7 +92,7 @@ void ExplorationMap::clear(Cell center) {
     clear_cells(layer);
   }
   changes_ = {};
-  known_ = {};
+  known_ = robots_ = {};
 }
 
 bool ExplorationMap::roll_to(Cell robot) {
@@ -159,6 +159,22 @@ void ExplorationMap::add_evidence(Cell c, int evidence) {
 
 void ExplorationMap::doubt(Cell c) {
   if (frame_.contains(c)) layers_.occupancy[frame_.index_of(c)] = occupancy::kDoubted;
+}
+
+void ExplorationMap::put_robot(Cell c) {
+  if (!frame_.contains(c)) return;
+  update_obstacle(c, cell_flag::kRobot, true);
+  robots_ = robots_.united(c);
+}
+
+void ExplorationMap::forget_robots() {
+  const CellRect rect = robots_.intersection(frame_.window());
+  for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+    for (std::int32_t x = rect.x; x < rect.right(); ++x) {
+      update_obstacle({x, y}, cell_flag::kRobot, false);
+    }
+  }
+  robots_ = {};
 }
 
 void ExplorationMap::add_miss_at(std::size_t index, Cell c) {
@@ -312,6 +328,7 @@ void ExplorationMap::copy_from(const ExplorationMap& other) {
   disc_radius_cells_ = other.disc_radius_cells_;
   changes_ = other.changes_;
   known_ = other.known_;
+  robots_ = other.robots_;
 }
 
 void ExplorationMap::update_obstacle(Cell c, std::uint8_t flag, bool occupied) {

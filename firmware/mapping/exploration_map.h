@@ -34,7 +34,8 @@ inline constexpr std::uint8_t kSeenThisAction =
 inline constexpr std::uint8_t kHitThisScan = 8;  // a beam of the scan being fused ends here
 inline constexpr std::uint8_t kGivenUp = 16;     // was a goal, and going there showed nothing new
 inline constexpr std::uint8_t kDoubted = 32;     // the scan being fused hits it, surely free before
-inline constexpr std::uint8_t kObstacle = kOwnObstacle | kPeerObstacle;
+inline constexpr std::uint8_t kRobot = 64;       // another robot stood here in the last scan
+inline constexpr std::uint8_t kObstacle = kOwnObstacle | kPeerObstacle | kRobot;
 }  // namespace cell_flag
 
 // The stored cells, one value a cell in the order of GridFrame. Owned by MapStorage.
@@ -100,6 +101,9 @@ class ExplorationMap final : public SharedMap {
   // A scan hits what was surely free: the next hit makes an obstacle, misses make it free again.
   void doubt(Cell c);
   bool is_doubted(Cell c) const { return has_flag(c, cell_flag::kDoubted); }
+  // Another robot stands there: an obstacle until the next forget_robots(), and no evidence.
+  void put_robot(Cell c);
+  void forget_robots();
   // Adds occupancy::kMiss to the cells on the straight line from `a` to before `b` (Bresenham) that
   // no beam of the scan being fused ends in (kHitThisScan).
   void add_misses_on_line(Cell a, Cell b);
@@ -148,6 +152,7 @@ class ExplorationMap final : public SharedMap {
   std::int32_t disc_radius_cells_ = 0;
   std::array<CellRect, 2> changes_{};
   CellRect known_{};
+  CellRect robots_{};  // holds all cells with kRobot
 };
 
 }  // namespace ivfm

@@ -84,34 +84,40 @@ ViewStatistics ScanFusion::fuse(ExplorationMap& map, const Pose& pose, const Sca
 void ScanFusion::update_occupancy(ExplorationMap& map, const Pose& pose, const Scan& scan) {
   const GridFrame& frame = map.frame();
   const Cell robot = frame.cell_at(pose.position);
-  // The end of a beam: an obstacle's surface, pushed into it by an eighth of a cell.
-  const auto end_of = [&](const ScanPoint& point, bool& hit) {
+  struct BeamEnd {
+    Cell cell;
+    Echo echo;  // kClear beyond the mapping range
+  };
+  // A surface's cell is an eighth of a cell behind it.
+  const auto end_of = [&](const ScanPoint& point) {
     const std::int32_t range_um = std::int32_t{point.range_mm} * 1000;
-    hit = point.echo == Echo::kHit && range_um <= config_.mapping_range_um;
+    const bool surface = point.is_in_the_way() && range_um <= config_.mapping_range_um;
     const std::int32_t reach = std::min(range_um, config_.mapping_range_um);
     const BinaryAngle direction = pose.heading + point.bearing;
-    const std::int32_t length = hit ? reach + frame.cell_um() / 8 : reach;
-    return frame.cell_at({pose.position.x_um + scale_q30(length, cos_q30(direction)),
-                          pose.position.y_um + scale_q30(length, sin_q30(direction))});
+    const std::int32_t length = surface ? reach + frame.cell_um() / 8 : reach;
+    const Cell cell = frame.cell_at({pose.position.x_um + scale_q30(length, cos_q30(direction)),
+                                     pose.position.y_um + scale_q30(length, sin_q30(direction))});
+    return BeamEnd{cell, surface ? point.echo : Echo::kClear};
   };
   CellRect hits{};
+  map.forget_robots();
   for (const ScanPoint& point : scan.points()) {
-    bool hit = false;
     if (point.echo == Echo::kNothing) continue;
-    const Cell end = end_of(point, hit);
-    if (!hit) continue;
+    const auto [end, echo] = end_of(point);
+    if (echo == Echo::kRobot) map.put_robot(end);
+    if (echo != Echo::kHit) continue;
     map.set_flag(end, cell_flag::kHitThisScan);
     if (config_.doubt_changes && map.is_surely_free(end)) map.set_flag(end, cell_flag::kDoubted);
     hits = hits.united(end);
   }
   for (const ScanPoint& point : scan.points()) {
-    bool hit = false;
     if (point.echo == Echo::kNothing) continue;
-    const Cell end = end_of(point, hit);
+    const auto [end, echo] = end_of(point);
     map.add_misses_on_line(robot, end);
-    if (hit && map.is_doubted(end)) {
+    if (echo != Echo::kHit) continue;
+    if (map.is_doubted(end)) {
       map.doubt(end);
-    } else if (hit) {
+    } else {
       map.add_evidence(end, occupancy::kHit);
     }
   }

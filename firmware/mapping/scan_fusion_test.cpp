@@ -109,6 +109,24 @@ TEST_F(ChangingRoom, WhatStaysIsAnObstacleFromTheSecondRevolutionOnAndForgottenW
   EXPECT_EQ(obstacles_near(), 0);
 }
 
+TEST_F(ScanFusionTest, AnotherRobotIsInTheWayForOneRevolutionAndNoEvidence) {
+  ScanFusion fusion(sector(2'000'000));
+  Scan scan;
+  scan.push({BinaryAngle::from_degrees(0), 1000, Echo::kRobot, 40});     // to x = 1.025 m
+  scan.push({BinaryAngle::from_degrees(90), 15'000, Echo::kRobot, 40});  // beyond what is mapped
+  (void)fusion.fuse(map_, center_, scan, true);
+  EXPECT_TRUE(map_.is_obstacle({20, 0}));
+  EXPECT_TRUE(map_.is_blocked({18, 0}));
+  for (int x = 0; x < 20; ++x) EXPECT_TRUE(map_.is_known_free({x, 0})) << x;
+  std::uint8_t told = 255;
+  ASSERT_EQ(map_.read_own(Layer::kObstacles, {20, 0, 1, 1}, {&told, 1}), Status::kOk);
+  EXPECT_EQ(told, 0) << "not for the others";
+  EXPECT_TRUE(map_.take_changes(Layer::kObstacles).empty());
+  (void)fusion.fuse(map_, center_, ring(360, 3000, Echo::kClear), true);
+  EXPECT_FALSE(map_.is_obstacle({20, 0}));
+  EXPECT_FALSE(map_.is_blocked({18, 0}));
+}
+
 TEST_F(ScanFusionTest, TheFullCircleCountsEveryCellOnceWithoutGaps) {
   ScanFusion fusion(sector(1'000'000));
   const ViewStatistics seen = fusion.fuse(map_, center_, ring(360, 4000, Echo::kHit), true);

@@ -31,7 +31,7 @@ void BlindZone::update(const Scan& scan, const Pose& pose) {
   size_ = kept;
   const std::int32_t farthest_mm = (blind_um_ + kShellUm) / 1000;
   for (const ScanPoint& beam : scan.points()) {
-    if (beam.echo != Echo::kHit || beam.range_mm > farthest_mm) continue;
+    if (!beam.is_in_the_way() || beam.range_mm > farthest_mm) continue;
     const std::int32_t range_um = beam.range_mm * 1000;
     add(transform(pose, scale_q30(range_um, cos_q30(beam.bearing)),
                   scale_q30(range_um, sin_q30(beam.bearing))));
@@ -45,7 +45,7 @@ bool BlindZone::still_hidden(Point point, const Scan& scan, const Pose& pose) co
                                            std::int64_t{point.x_um} - pose.position.x_um) -
                               pose.heading;
   for (const ScanPoint& beam : scan.points()) {
-    const bool passes = beam.echo == Echo::kHit && beam.range_mm > range_mm + kPassedMm;
+    const bool passes = beam.is_in_the_way() && beam.range_mm > range_mm + kPassedMm;
     if (passes && std::abs((beam.bearing - bearing).signed_raw()) < kSameBearingRaw) return false;
   }
   return true;

@@ -88,7 +88,7 @@ std::int32_t free_travel_mm(const Obstacles& obstacles, const Pose& pose, const 
   // T_robot_scan: from the robot's frame at the time of the scan to the one now.
   const Pose scan_in_robot = relative_pose(pose, obstacles.pose_at_scan);
   for (const ScanPoint& point : obstacles.scan.points()) {
-    if (point.echo != Echo::kHit) continue;
+    if (!point.is_in_the_way()) continue;
     const BinaryAngle bearing = point.bearing + scan_in_robot.heading;
     consider(scale_q30(point.range_mm, cos_q30(bearing)) + scan_in_robot.position.x_um / 1000,
              scale_q30(point.range_mm, sin_q30(bearing)) + scan_in_robot.position.y_um / 1000);

@@ -67,6 +67,12 @@ TEST(ObstacleGuard, OnlyHitsAreObstacles) {
   EXPECT_EQ(free_travel(scan, kAhead), kHorizonMm);
 }
 
+TEST(ObstacleGuard, OtherRobotsAreInTheWayThoughTheyAreNoPartOfTheMap) {
+  Scan scan = scan_with_hit(1000, 0);
+  scan.storage[0].echo = Echo::kRobot;
+  EXPECT_NEAR(free_travel(scan, kAhead), 800, 1);
+}
+
 TEST(ObstacleGuard, AnArcMissesWhatIsStraightAheadAndMeetsWhatLiesOnIt) {
   const Velocity left_arc{500'000, 1000};  // turning radius 500 mm
   EXPECT_EQ(free_travel(scan_with_hit(1000, 0), left_arc), kHorizonMm);

@@ -78,15 +78,4 @@ LidarSample MrptLidar::measure(const TruePose& robot, double bearing_rad,
   return {static_cast<std::uint16_t>(std::lround(measured_mm)), quality};
 }
 
-double ray_to_disc_m(double x_m, double y_m, double angle_rad, const TruePose& disc,
-                     double radius_m) {
-  const double dx = disc.x_m - x_m, dy = disc.y_m - y_m;
-  const double gap_squared = dx * dx + dy * dy - radius_m * radius_m;
-  if (gap_squared <= 0) return 0;
-  const double along = dx * std::cos(angle_rad) + dy * std::sin(angle_rad);
-  const double root = along * along - gap_squared;
-  if (along <= 0 || root < 0) return kInfinity;
-  return along - std::sqrt(root);
-}
-
 }  // namespace ivfm::host

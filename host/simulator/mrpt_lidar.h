@@ -54,9 +54,4 @@ class MrptLidar {
   std::mt19937_64 random_;
 };
 
-// Where a ray from (x, y) in direction `angle_rad` first meets a disc; infinity when it misses, 0
-// when it starts inside.
-double ray_to_disc_m(double x_m, double y_m, double angle_rad, const TruePose& disc,
-                     double radius_m);
-
 }  // namespace ivfm::host

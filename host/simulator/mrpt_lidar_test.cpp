@@ -79,12 +79,5 @@ TEST(MrptLidar, SeesOtherRobotsAsDiscs) {
   EXPECT_GT(lidar.true_range_m({}, 0.05, {&other, 1}, 0.105), 9);  // 0.15 m aside
 }
 
-TEST(RayToDisc, MeetsMissesAndStartsInside) {
-  EXPECT_DOUBLE_EQ(ray_to_disc_m(0, 0, 0, {2, 0, 0}, 0.5), 1.5);
-  EXPECT_TRUE(std::isinf(ray_to_disc_m(0, 0, M_PI, {2, 0, 0}, 0.5)));
-  EXPECT_TRUE(std::isinf(ray_to_disc_m(0, 0.6, 0, {2, 0, 0}, 0.5)));
-  EXPECT_EQ(ray_to_disc_m(2.1, 0, 0, {2, 0, 0}, 0.5), 0);
-}
-
 }  // namespace
 }  // namespace ivfm::host

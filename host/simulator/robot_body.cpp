@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace ivfm::host {
@@ -91,6 +92,17 @@ bool disc_touches_obstacle(const World& world, double x_m, double y_m, double ra
     }
   }
   return false;
+}
+
+double ray_to_disc_m(double x_m, double y_m, double angle_rad, const TruePose& disc,
+                     double radius_m) {
+  const double dx = disc.x_m - x_m, dy = disc.y_m - y_m;
+  const double gap_squared = dx * dx + dy * dy - radius_m * radius_m;
+  if (gap_squared <= 0) return 0;
+  const double along = dx * std::cos(angle_rad) + dy * std::sin(angle_rad);
+  const double root = along * along - gap_squared;
+  if (along <= 0 || root < 0) return std::numeric_limits<double>::infinity();
+  return along - std::sqrt(root);
 }
 
 }  // namespace ivfm::host

@@ -76,4 +76,9 @@ class RobotBody {
 // Whether a disc overlaps an obstacle cell (cells outside the world are obstacles).
 bool disc_touches_obstacle(const World& world, double x_m, double y_m, double radius_m);
 
+// Where a ray from (x, y) in direction `angle_rad` first meets a disc; infinity when it misses, 0
+// when it starts inside.
+double ray_to_disc_m(double x_m, double y_m, double angle_rad, const TruePose& disc,
+                     double radius_m);
+
 }  // namespace ivfm::host

@@ -108,5 +108,12 @@ TEST(DiscTouchesObstacle, MeasuresToTheCellsEdgeAndOutsideIsSolid) {
   EXPECT_FALSE(disc_touches_obstacle(world, 4.89, 0, 0.105));
 }
 
+TEST(RayToDisc, MeetsMissesAndStartsInside) {
+  EXPECT_DOUBLE_EQ(ray_to_disc_m(0, 0, 0, {2, 0, 0}, 0.5), 1.5);
+  EXPECT_TRUE(std::isinf(ray_to_disc_m(0, 0, M_PI, {2, 0, 0}, 0.5)));
+  EXPECT_TRUE(std::isinf(ray_to_disc_m(0, 0.6, 0, {2, 0, 0}, 0.5)));
+  EXPECT_EQ(ray_to_disc_m(2.1, 0, 0, {2, 0, 0}, 0.5), 0);
+}
+
 }  // namespace
 }  // namespace ivfm::host

@@ -3,8 +3,6 @@
 //   record_agent matching MODEL OUT   the same with worse odometry, corrected by matching scans
 //   record_agent arena MODEL OUT      the explorer's calls in the paper's arenas
 //   record_agent model OUT            a model with random weights, where none is trained yet
-#include <unistd.h>
-
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -19,10 +17,9 @@
 #include "firmware/nn/q_network.h"
 #include "host/environment/arena_worlds.h"
 #include "host/environment/exploration_environment.h"
-#include "host/map_server/map_server.h"
 #include "host/quantizer/quantizer.h"
 #include "host/simulator/corridor_world.h"
-#include "tests/replay/simulated_robot.h"
+#include "tests/replay/robot_team.h"
 
 namespace ivfm::replay {
 namespace {
@@ -60,50 +57,6 @@ AgentConfig corridor_config(const Pose& start, std::uint16_t robot, bool matchin
   return config;
 }
 
-// The map server, on robots in the same process.
-class Team final : public host::DatagramSender {
- public:
-  explicit Team(std::vector<std::unique_ptr<SimulatedRobot>>& robots)
-      : robots_(robots),
-        file_(fs::temp_directory_path() / ("record_agent." + std::to_string(::getpid()))),
-        database_(std::make_unique<host::RunDatabase>(file_)) {
-    database_->begin_session(0, 1);
-    server_ = std::make_unique<host::MapServer>(*database_, *this, 1);
-  }
-  ~Team() {
-    server_.reset();
-    database_.reset();
-    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(file_.string() + suffix);
-  }
-  Team(const Team&) = delete;
-  Team& operator=(const Team&) = delete;
-
-  // Robots are told apart by the port of a made-up address.
-  void send(const host::PeerAddress& to, std::span<const std::uint8_t> datagram) override {
-    const auto port = reinterpret_cast<const sockaddr_in*>(&to.storage)->sin_port;
-    robots_.at(port)->radio().to_robot.emplace_back(datagram.begin(), datagram.end());
-  }
-  void exchange(TimeUs now_us) {
-    for (std::size_t i = 0; i < robots_.size(); ++i) {
-      host::PeerAddress address;
-      address.storage.ss_family = AF_INET;
-      address.size = sizeof(sockaddr_in);
-      reinterpret_cast<sockaddr_in*>(&address.storage)->sin_port = static_cast<in_port_t>(i);
-      for (auto& datagram : robots_[i]->radio().from_robot) {
-        server_->receive(address, datagram, now_us);
-      }
-      robots_[i]->radio().from_robot.clear();
-    }
-    server_->step(now_us);
-  }
-
- private:
-  std::vector<std::unique_ptr<SimulatedRobot>>& robots_;
-  fs::path file_;
-  std::unique_ptr<host::RunDatabase> database_;
-  std::unique_ptr<host::MapServer> server_;
-};
-
 double distance_m(const host::TruePose& truth, const Pose& believed) {
   return std::hypot(truth.x_m - believed.position.x_um / 1e6,
                     truth.y_m - believed.position.y_um / 1e6);
@@ -121,7 +74,7 @@ void record_corridor(const std::vector<std::uint8_t>& model, bool matching, cons
     const ModelStatus loaded = robots[i]->agent().load_model(model);
     if (!ok(loaded.status)) throw std::runtime_error(std::string("bad model: ") + loaded.reason);
   }
-  Team team(robots);
+  RobotTeam team(robots);
   SimulatedRobot& recorded = *robots[0];
   TimeUs now_us = 5'000'000;
   const TimeUs begin_us = now_us;

@@ -61,7 +61,12 @@ void SimulatedRobot::measure(std::span<ScanPoint> beams) {
                    static_cast<std::int32_t>(pose.y_m * 1e6)};
   const BinaryAngle heading = BinaryAngle::from_radians(pose.heading_rad);
   for (ScanPoint& beam : beams) {
-    const std::int32_t range_um = rays_.cast_um(from, heading + beam.bearing, kLidarRangeUm);
+    std::int32_t range_um = rays_.cast_um(from, heading + beam.bearing, kLidarRangeUm);
+    for (const host::TruePose& other : others_) {
+      const double metres = host::ray_to_disc_m(
+          pose.x_m, pose.y_m, (heading + beam.bearing).radians(), other, body_.shape().radius_m);
+      if (metres < range_um * 1e-6) range_um = static_cast<std::int32_t>(metres * 1e6);
+    }
     const std::int32_t noise_um = 3'000 + range_um / 200;
     const std::int32_t measured_um = range_um + random_.between(-noise_um, noise_um);
     const bool lost = random_.chance(1) || range_um >= kLidarRangeUm;
@@ -75,7 +80,7 @@ void SimulatedRobot::roll_wheels() {
   const double metres_per_count = 2 * std::numbers::pi * body_.shape().wheel_radius_m / 4096;
   const double left = left_.ground_position(), right = right_.ground_position();
   body_.roll((left - left_counts_) * metres_per_count, (right - right_counts_) * metres_per_count,
-             *world_, {});
+             *world_, others_);
   left_counts_ = left;
   right_counts_ = right;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "firmware/hal/fake/fake_can_bus.h"
@@ -32,6 +33,8 @@ class SimulatedRobot {
 
   // Lets 2 ms pass; every 10 ms the agent makes a step.
   void tick(TimeUs now_us);
+  // Where other robots are from now on: its lidar sees them, and it drives into none of them.
+  void meet(std::vector<host::TruePose> others) { others_ = std::move(others); }
 
   Agent& agent() { return agent_; }
   const host::RobotBody& body() const { return body_; }
@@ -53,6 +56,7 @@ class SimulatedRobot {
   host::RayCaster rays_;
   host::Random random_;
   host::RobotBody body_;
+  std::vector<host::TruePose> others_;
   host::RplidarEmulator rplidar_;
   host::EmulatedSerialPort serial_{rplidar_};
   fake::FakeCanWire<2> wire_;

@@ -68,6 +68,8 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
   config.supervisor.robot_radius_um = to_um(options.robot_radius_m) + kSafetyMarginUm;
   config.supervisor.max_speed_um_s = config.follower.max_speed_um_s;
   config.supervisor.max_turn_mrad_s = config.follower.max_turn_mrad_s;
+  config.others.robot_radius_um = to_um(options.robot_radius_m);
+  config.others.max_speed_um_s = config.follower.max_speed_um_s;
   config.link.robot = static_cast<std::uint16_t>(options.robot_id);
   config.link.epoch = epoch;
   config.link.boot = boot;
