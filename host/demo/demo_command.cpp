@@ -160,6 +160,8 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
   command->add_option("--walkers", options->walkers, "people who cross the world")
       ->capture_default_str()
       ->check(CLI::Range(0, 50));
+  command->add_option("--door", options->doors,
+                      "as of ivfm sim, such as 3,1,3.1,2@20s+15s; repeatable");
   command->add_option("--fault", options->faults,
                       "as of ivfm sim, such as lidar-silence@12s+3s; repeatable");
   command->add_flag("--record-scans", options->record_scans,

@@ -126,6 +126,8 @@ DemoRun::DemoRun(DemoOptions options, const std::atomic<bool>& interrupted)
       world_(prepare_world(options_.world)),
       meter_(world_.world, world_.starts.front().position, kCellUm),
       start_(std::chrono::steady_clock::now()) {
+  for (const std::string& door : options_.doors) doors_.push_back(parse_door(door));
+  static_cast<void>(Doors(world_.world, doors_));  // or they are refused at once
   for (const FleetEvent& event : options_.events) {
     if (event.robot > options_.world.robots) {
       throw std::invalid_argument("robot " + std::to_string(event.robot) +
@@ -209,6 +211,9 @@ FleetOptions DemoRun::fleet_options() const {
   }
   if (options_.record_scans) {
     fleet.simulator_arguments.insert(fleet.simulator_arguments.end(), {"--record", options_.out});
+  }
+  for (const std::string& door : options_.doors) {
+    fleet.simulator_arguments.push_back("--door=" + door);
   }
   for (const std::string& fault : options_.faults) {
     fleet.simulator_arguments.emplace_back("--fault");
@@ -394,8 +399,15 @@ DemoResult DemoRun::judge(const Fleet& fleet) const {
   }
   const LayerMap merged = load_merged_map(fleet.database());
   result.scores = score_run(merged, robots, meter_, result.driven_m);
-  result.ghost_cells = count_ghosts(merged, world_.world);
+  result.ghost_cells = count_ghosts(merged, world_at(result.simulated_s));
   return result;
+}
+
+// With its doors as they are then.
+World DemoRun::world_at(double simulated_s) const {
+  World world = world_.world;
+  Doors(world, doors_).step(static_cast<TimeUs>(simulated_s * 1e6), world, {}, 0);
+  return world;
 }
 
 cv::Mat DemoRun::write_pictures(const DemoResult& result) const {

@@ -15,6 +15,7 @@
 #include "host/demo/run_scores.h"
 #include "host/log_analysis/run_report.h"
 #include "host/map_server/map_reader.h"
+#include "host/simulator/doors.h"
 #include "host/simulator/truth_log.h"
 #include "host/simulator/world_catalog.h"
 
@@ -36,6 +37,7 @@ struct DemoOptions {
   std::string odometry_noise = "none";
   std::string lidar_noise = "mild";
   int walkers = 0;
+  std::vector<std::string> doors;  // as of parse_door()
   std::vector<std::string> faults;
   bool record_scans = false;
   bool rough_starts = false;       // as in FleetOptions
@@ -96,6 +98,7 @@ class DemoRun {
   void report_progress(const Fleet& fleet);
   DemoResult judge(const Fleet& fleet) const;
   void save_outcome(const DemoResult& result) const;
+  World world_at(double simulated_s) const;
   cv::Mat write_pictures(const DemoResult& result) const;
   std::vector<Verdict> verdicts_of(const DemoResult& result) const;
   void write_report(const DemoResult& result, const cv::Mat& map) const;
@@ -107,6 +110,7 @@ class DemoRun {
   DemoOptions options_;
   const std::atomic<bool>& interrupted_;
   PreparedWorld world_;
+  std::vector<Door> doors_;
   CoverageMeter meter_;
   std::vector<ProgressPoint> progress_;
   bool goal_reached_ = false;

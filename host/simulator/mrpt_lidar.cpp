@@ -39,6 +39,12 @@ MrptLidar::MrptLidar(const World& world, const LidarModel& model, std::uint64_t 
   grid_->origin_y_m = world.origin.y_um / 1e6;
   grid_->map.setSize(0, cell_m * static_cast<float>(world.width), 0,
                      cell_m * static_cast<float>(world.height), cell_m);
+  take_world(world);
+}
+
+MrptLidar::~MrptLidar() = default;
+
+void MrptLidar::take_world(const World& world) {
   for (int y = 0; y < world.height; ++y) {
     for (int x = 0; x < world.width; ++x) {
       const bool occupied = world.occupied[static_cast<std::size_t>(y) * world.width + x];
@@ -46,8 +52,6 @@ MrptLidar::MrptLidar(const World& world, const LidarModel& model, std::uint64_t 
     }
   }
 }
-
-MrptLidar::~MrptLidar() = default;
 
 double MrptLidar::true_range_m(const TruePose& robot, double bearing_rad,
                                std::span<const TruePose> others, double other_radius_m) const {

@@ -37,6 +37,9 @@ class MrptLidar {
   MrptLidar(const World& world, const LidarModel& model, std::uint64_t seed);
   ~MrptLidar();
 
+  // The world has changed; it has the same size.
+  void take_world(const World& world);
+
   // A beam from the middle of `robot`, `bearing_rad` counter-clockwise from its front. `others`:
   // the middles of the other robots, discs of `other_radius_m`.
   LidarSample measure(const TruePose& robot, double bearing_rad, std::span<const TruePose> others,

@@ -36,6 +36,7 @@ struct SimOptions {
   std::string odometry_noise = "none";
   std::string lidar_noise = "mild";
   int walkers = 0;
+  std::vector<std::string> doors;
   std::vector<std::string> faults;
   std::string truth;
   std::string record;
@@ -126,6 +127,7 @@ SimulationConfig simulation_config(const SimOptions& options) {
   config.odometry = OdometryNoise::preset(options.odometry_noise);
   config.lidar = LidarModel::preset(options.lidar_noise);
   config.walkers = options.walkers;
+  for (const std::string& door : options.doors) config.doors.push_back(parse_door(door));
   config.faults = parse_faults(options.faults);
   config.seed = options.world.seed;
   return config;
@@ -312,6 +314,9 @@ void add_sim_command(CLI::App& app, CommandAction& action) {
   command->add_option("--walkers", options->walkers, "people who cross the world")
       ->capture_default_str()
       ->check(CLI::Range(0, 50));
+  command->add_option("--door", options->doors,
+                      "X0,Y0,X1,Y1@CLOSES[+LENGTH]: a rectangle that is closed for a time, such as "
+                      "3,1,3.1,2@20s+15s; repeatable");
   command->add_option("--fault", options->faults,
                       "such as lidar-silence@12s+3s, lidar-garbage#2@5s+1s, can-drop=0.1, "
                       "drive-fault@20s, drive-silence@30s+500ms; repeatable");

@@ -125,7 +125,8 @@ Simulation::Simulation(PreparedWorld world, SimulationConfig config,
     : world_(std::move(world)),
       config_(std::move(config)),
       walkers_(world_.world, to_true_poses(world_.starts), config_.walkers,
-               stream_seed(config_.seed, 0, 4)) {
+               stream_seed(config_.seed, 0, 4)),
+      doors_(world_.world, config_.doors) {
   if (lidar_links.size() != world_.starts.size() || buses.size() != world_.starts.size()) {
     throw std::invalid_argument("Simulation: one lidar and one bus a robot");
   }
@@ -141,6 +142,7 @@ void Simulation::advance_to(TimeUs now_us) {
     now_us_ += kTickUs;
     others.clear();
     for (const auto& robot : robots_) others.push_back(robot->body().pose());
+    move_doors(others);
     walkers_.step(kTickUs * 1e-6, world_.world, others);
     for (const auto& robot : robots_) {
       others = walkers_.legs();
@@ -150,6 +152,14 @@ void Simulation::advance_to(TimeUs now_us) {
       robot->step(now_us_, others);
     }
   }
+}
+
+void Simulation::move_doors(std::span<const TruePose> robots) {
+  std::vector<TruePose> bodies = walkers_.legs();
+  bodies.insert(bodies.end(), robots.begin(), robots.end());
+  const double radius_m = world_.body.radius_m;
+  if (!doors_.step(now_us_, world_.world, bodies, radius_m)) return;
+  for (const auto& robot : robots_) robot->take_world();
 }
 
 int Simulation::collisions() const {

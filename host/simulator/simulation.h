@@ -11,6 +11,7 @@
 #include "firmware/hal/can_bus.h"
 #include "firmware/wheel_drive/diff_drive_kinematics.h"
 #include "host/simulator/cia402_emulator.h"
+#include "host/simulator/doors.h"
 #include "host/simulator/fault_plan.h"
 #include "host/simulator/mrpt_lidar.h"
 #include "host/simulator/robot_body.h"
@@ -28,6 +29,7 @@ struct SimulationConfig {
   RplidarEmulatorConfig rplidar;
   std::vector<Fault> faults;
   int walkers = 0;
+  std::vector<Door> doors;
   std::uint64_t seed = 1;
 };
 
@@ -65,6 +67,8 @@ class SimulatedRobot {
   RplidarTerminal& lidar() { return terminal_; }
   // From now on `recorder` is told what the lidar measures. It must outlive this object.
   void record_scans(ScanRecorder& recorder) { recorder_ = &recorder; }
+  // A door has opened or closed.
+  void take_world() { rays_.take_world(world_); }
   std::uint32_t lost_frames() const { return drives_.lost_frames(); }
 
  private:
@@ -112,10 +116,13 @@ class Simulation {
   int collisions() const;
 
  private:
+  void move_doors(std::span<const TruePose> robots);
+
   PreparedWorld world_;
   SimulationConfig config_;
   std::vector<std::unique_ptr<SimulatedRobot>> robots_;
   Walkers walkers_;
+  Doors doors_;
   TimeUs now_us_ = 0;
 };
 

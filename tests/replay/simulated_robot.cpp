@@ -54,6 +54,11 @@ SimulatedRobot::SimulatedRobot(const AgentConfig& config, std::shared_ptr<const 
   rplidar_.set_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
 }
 
+void SimulatedRobot::enter(std::shared_ptr<const host::World> world) {
+  world_ = std::move(world);
+  rays_ = host::RayCaster(world_);
+}
+
 // An A1's noise, roughly: a few millimetres and half a percent of the range, 1 % lost.
 void SimulatedRobot::measure(std::span<ScanPoint> beams) {
   const host::TruePose& pose = body_.pose();

@@ -33,6 +33,8 @@ class SimulatedRobot {
 
   // Lets 2 ms pass; every 10 ms the agent makes a step.
   void tick(TimeUs now_us);
+  // From now on it is in this world.
+  void enter(std::shared_ptr<const host::World> world);
   // Where other robots are from now on: its lidar sees them, and it drives into none of them.
   void meet(std::vector<host::TruePose> others) { others_ = std::move(others); }
 
