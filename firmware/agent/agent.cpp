@@ -19,6 +19,12 @@ MapLinkConfig link_config(const AgentConfig& config, const Explorer& explorer) {
   return link;
 }
 
+// Corrections of the map frame by two scans from places farther apart than this are told by two
+// views; they agree when they differ by no more than an alignment errs.
+constexpr std::int64_t kOtherPlaceUm = 500'000;
+constexpr std::int64_t kAgreeUm = 120'000;
+constexpr std::int32_t kAgreeTurn = 364;  // 2 degrees
+
 }  // namespace
 
 Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer,
@@ -98,6 +104,7 @@ void Agent::sense_surroundings(TimeUs now_us) {
   if (localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
   progress_.newly_seen_cells += seen.newly_seen_cells;
   ++progress_.scans_fused;
+  if (start_pose_ == StartPose::kNotFound) align_later();
 }
 
 // Corrects a rough start pose before anything is painted or told in a wrong frame.
@@ -105,17 +112,49 @@ void Agent::align_start() {
   has_scan_ = true;
   const ExplorationMap& map = explorer_.map();
   const auto samples = localization_.surfaces_in(scan_, map.frame().cell_um());
-  switch (alignment_.step(map, samples)) {
+  switch (alignment_.step(map, samples, config_.start)) {
     case StartAlignment::Result::kSearching: break;
     case StartAlignment::Result::kNotFound: start_pose_ = StartPose::kNotFound; break;
     case StartAlignment::Result::kFound:
       start_pose_ = StartPose::kCorrected;
-      localization_.reset(alignment_.pose());
-      explorer_.correct_start(alignment_.pose());
-      pose_ = alignment_.pose();
+      pose_ = compose(alignment_.correction(), config_.start);
+      localization_.reset(pose_);
+      explorer_.correct_start(pose_);
       break;
   }
   pose_at_scan_ = pose_;
+}
+
+// The walls of others may come into view only later. A correction counts when two places tell it.
+void Agent::align_later() {
+  const ExplorationMap& map = explorer_.map();
+  const auto samples = localization_.surfaces_in(scan_, map.frame().cell_um());
+  if (alignment_.step(map, samples, pose_at_scan_) != StartAlignment::Result::kFound) return;
+  const Pose correction = alignment_.correction();
+  const Pose& place = alignment_.seen_from();
+  const bool agrees =
+      likely_correction_ && is_near(compose(*likely_correction_, place), compose(correction, place),
+                                    kAgreeUm, kAgreeTurn);
+  const bool elsewhere =
+      squared_distance_um2(likely_seen_from_, place.position) > kOtherPlaceUm * kOtherPlaceUm;
+  if (agrees && !elsewhere) return;
+  likely_correction_ = correction;
+  likely_seen_from_ = place.position;
+  if (agrees) move_frame(correction);
+}
+
+// All that this robot has seen and told is expressed in the others' frame.
+void Agent::move_frame(const Pose& moved) {
+  start_pose_ = StartPose::kCorrected;
+  localization_.re_express(moved);
+  explorer_.re_express(moved);
+  supervisor_.re_express(moved);
+  pose_ = localization_.pose();
+  pose_at_scan_ = compose(moved, pose_at_scan_);
+  follower_.cancel();
+  acting_ = false;
+  link_.move_frame();
+  share_map();
 }
 
 // Stands in for a camera: a target is found by the robot that has seen its cell.

@@ -114,6 +114,8 @@ class Agent {
   void sense_wheels(TimeUs now_us);
   void sense_surroundings(TimeUs now_us);
   void align_start();
+  void align_later();
+  void move_frame(const Pose& moved);
   void look_for_target();
   void exchange_maps(TimeUs now_us);
   void obey_commands();
@@ -137,6 +139,8 @@ class Agent {
   QNetwork network_;
   StartAlignment alignment_;
   StartPose start_pose_ = StartPose::kGiven;
+  std::optional<Pose> likely_correction_;  // T_new_old of the map frame, seen from one place
+  Point likely_seen_from_;
   PathFollower follower_;
   Supervisor supervisor_;
   MapLink link_;

@@ -50,12 +50,24 @@ void MapLink::step(TimeUs now_us, const Pose& pose) {
   expire(now_us);
   send_probe(now_us);
   if (!connected_) return;
-  send_acknowledgement();
+  if (frame_is_known_) send_acknowledgement();
   send_hello(now_us);
+  if (!frame_is_known_) return;
   send_restore_request(now_us);
   send_found(now_us, pose);
   send_status(now_us, pose);  // small and seldom: before maps, which may fill a slow radio for long
   send_map_updates(now_us, pose);
+}
+
+void MapLink::move_frame() {
+  ++epoch_;
+  moved_frame_ = true;
+  frame_is_known_ = false;
+  hello_ = {.pending = true};
+  restore_request_ = {};
+  in_flight_size_ = 0;
+  for (DirtyRectangles& dirty : dirty_) dirty = {};
+  marked_ = {};
 }
 
 void MapLink::report_found(Point target) {
@@ -176,6 +188,7 @@ void MapLink::handle_acknowledgement(std::span<const std::uint8_t> body, TimeUs 
   for (Reliable* message : {&hello_, &found_}) {
     if (message->sequence != 0 && ack->covers(message->sequence)) message->pending = false;
   }
+  frame_is_known_ = frame_is_known_ || !hello_.pending;
   note_answer(now_us);
 }
 
@@ -402,6 +415,7 @@ std::size_t MapLink::write_hello() {
   hello.cell_um = config_.cell_um;
   hello.window = told_window();
   hello.resuming = welcomed_;
+  hello.moved_frame = moved_frame_;
   hello.set_name(config_.name);
   return *encode(hello, body_of(datagram_));
 }

@@ -76,6 +76,10 @@ class MapLink {
   // that.
   void clip(const CellRect& window);
 
+  // The robot's cells are in another map frame from now on: the server forgets what it had of them.
+  // Mark all of them dirty afterwards.
+  void move_frame();
+
   // Receives and sends what is due; bounded work. `pose` goes along with map updates.
   void step(TimeUs now_us, const Pose& pose);
 
@@ -189,8 +193,10 @@ class MapLink {
   std::uint32_t server_epoch_ = 0;
   std::uint64_t server_boot_ = 0;
   ReplayWindow server_window_;
-  bool connected_ = false;  // the present server has welcomed this robot
-  bool welcomed_ = false;   // some server has, since the start
+  bool connected_ = false;      // the present server has welcomed this robot
+  bool welcomed_ = false;       // some server has, since the start
+  bool moved_frame_ = false;    // in this epoch
+  bool frame_is_known_ = true;  // to the server; until then nothing but hellos leaves
   std::uint32_t newest_update_ = 0;
   ReplayWindow taken_;  // what is to be acknowledged
   bool acknowledgement_due_ = false;

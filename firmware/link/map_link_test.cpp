@@ -341,6 +341,31 @@ TEST_F(MapLinkTest, AServerThatHasLostEverythingGetsEverythingAgain) {
   EXPECT_EQ(link_.epoch(), 10u);
 }
 
+TEST_F(MapLinkTest, InANewFrameNothingButHellosLeavesUntilTheServerKnows) {
+  visit({0, 0, 5, 5});
+  run(3 * kSecond);
+  const std::uint32_t epoch = link_.epoch();
+  server_.send_region(Layer::kVisits, {-50, -40, 2, 1}, {3, 4});  // to be acknowledged
+  link_.move_frame();
+  visit({10, 0, 5, 5});
+  link_.flush();
+  const auto before = server_.received;
+  for (const TimeUs end = now_ + 3 * kSecond; now_ < end; now_ += kTick) {  // a silent server
+    radio_.set_now(now_);
+    link_.step(now_, {});
+  }
+  server_.step();
+  for (const auto& [kind, count] : server_.received) {
+    if (kind == MessageKind::kHello) continue;
+    EXPECT_EQ(count, before.at(kind)) << static_cast<int>(kind);
+  }
+  EXPECT_TRUE(server_.last_hello.moved_frame);
+  EXPECT_EQ(link_.epoch(), epoch + 1);
+  run(5 * kSecond);
+  EXPECT_EQ(server_.value(Layer::kVisits, {12, 2}), 1);
+  EXPECT_TRUE(link_.all_acknowledged());
+}
+
 TEST_F(MapLinkTest, NothingButAHelloLeavesBeforeTheWelcome) {
   visit({0, 0, 10, 10});
   radio_.set_now(now_);

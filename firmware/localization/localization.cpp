@@ -25,6 +25,7 @@ constexpr double kMostMistrust = 1024;
 // A prediction that contradicts the map is less sure than it says: its covariance grows.
 constexpr double kContradictionGrowth = 4;
 constexpr Symmetric3 kStartCovariance{1e-6, 0, 0, 1e-6, 0, 1e-6};
+constexpr Symmetric3 kAlignedCovariance{4e-4, 0, 0, 4e-4, 0, 1e-4};  // 2 cm, 0.6 degrees
 
 }  // namespace
 
@@ -36,9 +37,16 @@ void Localization::reset(const Pose& pose) {
   match_ = {};
   matched_ = pose;
   poor_in_a_row_ = distrust_ = 0;
-  lost_ = false;
+  lost_ = has_matched_ = false;
   covariance_ = kStartCovariance;
   mistrust_ = 1;
+}
+
+void Localization::re_express(const Pose& moved) {
+  correction_ = compose(moved, correction_);
+  surfaces_.clear();
+  covariance_ = kAlignedCovariance;
+  has_matched_ = false;
 }
 
 Status Localization::add_wheels(std::int32_t left_counts, std::int32_t right_counts,
@@ -95,17 +103,17 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
   const Pose predicted = to_map(in_odometry);
   match_ = matcher_.match(map, surfaces_, predicted, covariance_, scan);
   // Where a robot has been its surroundings are known: a place near which nothing is, is elsewhere.
-  if (match_.outcome == MatchOutcome::kUnknownPlace && counters_.matched > 0 &&
-      match_.near >= kManyNear) {
+  if (match_.outcome == MatchOutcome::kUnknownPlace && has_matched_ && match_.near >= kManyNear) {
     match_.outcome = MatchOutcome::kPoorFit;
   }
   // Who has not matched once since the start knows nothing but where it was told to be: a map from
   // before a restart that does not fit is no reason to stand still for good.
-  if (match_.outcome == MatchOutcome::kPoorFit && counters_.matched == 0) {
+  if (match_.outcome == MatchOutcome::kPoorFit && !has_matched_) {
     match_.outcome = MatchOutcome::kUnknownPlace;
   }
   judge(match_.outcome, map);
   if (match_.outcome == MatchOutcome::kMatched) {
+    has_matched_ = true;
     judge_odometry(difference(match_.pose, predicted));
     covariance_ = match_.covariance;
     put_at(match_.pose, in_odometry);

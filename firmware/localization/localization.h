@@ -47,6 +47,8 @@ class Localization {
 
   // Puts the robot at `pose` in the map.
   void reset(const Pose& pose);
+  // The map frame has moved by `moved` (T_new_old), and so have all poses in it.
+  void re_express(const Pose& moved);
   // Encoder positions; arguments and codes as Odometry::update().
   Status add_wheels(std::int32_t left_counts, std::int32_t right_counts, TimeUs measured_us);
   // A pose is known.
@@ -108,6 +110,7 @@ class Localization {
   std::uint8_t poor_in_a_row_ = 0;
   std::uint8_t distrust_ = 0;  // so many revolutions have to fit
   bool lost_ = false;
+  bool has_matched_ = false;  // in this map frame
   LocalizationCounters counters_;
 };
 

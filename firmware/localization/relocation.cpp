@@ -1,7 +1,6 @@
 #include "firmware/localization/relocation.h"
 
 #include <algorithm>
-#include <cstdlib>
 
 namespace ivfm {
 
@@ -13,11 +12,6 @@ constexpr std::size_t kSamples = 48;         // looked up for each pose
 constexpr std::size_t kPlacesPerStep = 48;   // 150,000 looks into the map
 constexpr std::int32_t kSamePlaceUm = 400'000;
 constexpr std::int32_t kSameTurn = 2'730;  // 15 degrees
-
-bool same_place(const Pose& a, const Pose& b) {
-  return squared_distance_um2(a.position, b.position) < std::int64_t{kSamePlaceUm} * kSamePlaceUm &&
-         std::abs(int{(a.heading - b.heading).signed_raw()}) < kSameTurn;
-}
 
 }  // namespace
 
@@ -79,7 +73,7 @@ void Relocation::try_places(const ExplorationMap& map, const ScanSurfaces& scan,
 void Relocation::keep(const Candidate& candidate) {
   Candidate* worst = &candidates_[0];
   for (Candidate& kept : candidates_) {
-    if (kept.score >= 0 && same_place(kept.pose, candidate.pose)) {
+    if (kept.score >= 0 && is_near(kept.pose, candidate.pose, kSamePlaceUm, kSameTurn)) {
       if (candidate.score > kept.score) kept = candidate;
       return;
     }
@@ -96,7 +90,8 @@ Relocation::Result Relocation::judge(const ExplorationMap& map, const SurfaceMap
     if (candidate.score < 0) return Result::kSearching;
     const ScanMatch match = matcher.locate(map, surfaces, candidate.pose, scan);
     if (match.outcome != MatchOutcome::kMatched) return Result::kSearching;
-    if (best_.outcome == MatchOutcome::kMatched && same_place(match.pose, best_.pose)) {
+    if (best_.outcome == MatchOutcome::kMatched &&
+        is_near(match.pose, best_.pose, kSamePlaceUm, kSameTurn)) {
       if (match.fitting > best_.fitting) best_ = match;
     } else if (match.fitting > best_.fitting) {
       second_fitting_ = best_.fitting;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cstdlib>
 
 namespace ivfm {
 
@@ -24,11 +23,6 @@ BinaryAngle turned(BinaryAngle heading, std::int32_t units) {
          BinaryAngle(static_cast<std::uint16_t>(static_cast<std::uint32_t>(units) & 0xffffu));
 }
 
-bool same_place(const Pose& a, const Pose& b) {
-  return squared_distance_um2(a.position, b.position) < kSamePlaceUm * kSamePlaceUm &&
-         std::abs(int{(a.heading - b.heading).signed_raw()}) < kSameTurn;
-}
-
 // Bit i: whether the others hold the cell i - reach columns from `middle` for an obstacle.
 std::uint32_t row_of(const ExplorationMap& map, Cell middle, std::int32_t reach) {
   const GridFrame& frame = map.frame();
@@ -36,7 +30,7 @@ std::uint32_t row_of(const ExplorationMap& map, Cell middle, std::int32_t reach)
   for (std::int32_t i = 0; i <= 2 * reach; ++i) {
     const Cell c{middle.x - reach + i, middle.y};
     if (!frame.contains(c)) continue;
-    const bool obstacle = (map.layers().flags[frame.index_of(c)] & cell_flag::kPeerObstacle) != 0;
+    const bool obstacle = (map.layers().flags[frame.index_of(c)] & cell_flag::kPeerTold) != 0;
     bits |= static_cast<std::uint32_t>(obstacle) << i;
   }
   return bits;
@@ -44,39 +38,50 @@ std::uint32_t row_of(const ExplorationMap& map, Cell middle, std::int32_t reach)
 
 }  // namespace
 
-void StartAlignment::begin(const Pose& guess) {
-  guess_ = guess;
+void StartAlignment::begin(const Pose& start) {
+  start_ = start;
   turn_ = -kMostTurn;
   passes_ = 0;
-  best_ = {guess, 0};
-  second_ = {};
 }
 
 StartAlignment::Result StartAlignment::step(const ExplorationMap& map,
-                                            std::span<const SurfaceSample> samples) {
+                                            std::span<const SurfaceSample> samples,
+                                            const Pose& pose) {
+  if (turn_ == -kMostTurn) begin_pass(samples, pose);
   for (std::int32_t i = 0; i < kHeadingsPerStep && turn_ <= kMostTurn; ++i, ++turn_) {
-    try_heading(map, samples, turned(guess_.heading, turn_ * kDegree));
+    try_turn(map, turn_ * kDegree);
   }
   if (turn_ <= kMostTurn) return Result::kSearching;
-  if (is_clear(samples.size())) {
-    refine(map, samples);
+  turn_ = -kMostTurn;
+  if (is_clear()) {
+    refine(map);
     return Result::kFound;
   }
-  const std::uint8_t passes = passes_;
-  begin(guess_);
-  passes_ = static_cast<std::uint8_t>(passes + 1);
+  passes_ = std::min<std::uint8_t>(kMostPasses, passes_ + 1);
   return passes_ < kMostPasses ? Result::kSearching : Result::kNotFound;
 }
 
-// Counts for each shift by whole cells how many samples lie on or beside obstacles.
-void StartAlignment::try_heading(const ExplorationMap& map, std::span<const SurfaceSample> samples,
-                                 BinaryAngle heading) {
+void StartAlignment::begin_pass(std::span<const SurfaceSample> samples, const Pose& pose) {
+  seen_from_ = pose;
+  size_ = std::min(samples.size(), points_.size());
+  for (std::size_t i = 0; i < size_; ++i) {
+    points_[i] = {static_cast<std::int16_t>(samples[i].x_um / 1000),
+                  static_cast<std::int16_t>(samples[i].y_um / 1000)};
+  }
+  best_ = {pose, 0};
+  second_ = {};
+}
+
+// Where the robot is if its start was turned by `units` and shifted: counts for each shift by whole
+// cells how many samples lie on or beside obstacles.
+void StartAlignment::try_turn(const ExplorationMap& map, std::int32_t units) {
+  const Pose turned_start{start_.position, turned(start_.heading, units)};
+  const Pose guess = compose(turned_start, relative_pose(start_, seen_from_));
   std::array<std::uint8_t, kSide * kSide> hits{};
   static_assert(ScanSurfaces::kMaxSamples <= 255 && kSide + 2 <= 32);
   const GridFrame& frame = map.frame();
-  for (const SurfaceSample& sample : samples) {
-    const Cell middle =
-        frame.cell_at(transform({guess_.position, heading}, sample.x_um, sample.y_um));
+  for (const SeenPoint& point : points()) {
+    const Cell middle = frame.cell_at(transform(guess, point.x_mm * 1000, point.y_mm * 1000));
     std::uint32_t below = 0, here = 0;  // rows, grown by a cell to both sides
     for (std::int32_t y = -kReach - 1; y <= kReach + 1; ++y) {
       const std::uint32_t row = row_of(map, {middle.x, middle.y + y}, kReach + 1);
@@ -91,7 +96,7 @@ void StartAlignment::try_heading(const ExplorationMap& map, std::span<const Surf
     }
   }
   for (std::int32_t i = 0; i < kSide * kSide; ++i) {
-    Candidate candidate{{guess_.position, heading}, hits[static_cast<std::size_t>(i)]};
+    Candidate candidate{guess, hits[static_cast<std::size_t>(i)]};
     candidate.pose.position.x_um += (i % kSide - kReach) * frame.cell_um();
     candidate.pose.position.y_um += (i / kSide - kReach) * frame.cell_um();
     note(candidate);
@@ -99,7 +104,7 @@ void StartAlignment::try_heading(const ExplorationMap& map, std::span<const Surf
 }
 
 void StartAlignment::note(const Candidate& candidate) {
-  const bool elsewhere = !same_place(candidate.pose, best_.pose);
+  const bool elsewhere = !is_near(candidate.pose, best_.pose, kSamePlaceUm, kSameTurn);
   if (candidate.score > best_.score) {
     if (elsewhere) second_ = best_;
     best_ = candidate;
@@ -108,16 +113,16 @@ void StartAlignment::note(const Candidate& candidate) {
   }
 }
 
-bool StartAlignment::is_clear(std::size_t samples) const {
-  const auto count = static_cast<std::int32_t>(samples);
-  const bool other = !same_place(best_.pose, second_.pose);
-  return samples >= kMinSamples && best_.score * 100 >= count * kMinPercent &&
+bool StartAlignment::is_clear() const {
+  const auto count = static_cast<std::int32_t>(size_);
+  const bool other = !is_near(best_.pose, second_.pose, kSamePlaceUm, kSameTurn);
+  return size_ >= kMinSamples && best_.score * 100 >= count * kMinPercent &&
          (!other || second_.score * 100 < best_.score * kSecondPercent);
 }
 
 // The mean of the best poses around, by steps of half a cell and half a degree, counting only
 // samples that lie on obstacles.
-void StartAlignment::refine(const ExplorationMap& map, std::span<const SurfaceSample> samples) {
+void StartAlignment::refine(const ExplorationMap& map) {
   const GridFrame& frame = map.frame();
   const Pose middle = best_.pose;
   const std::int32_t step_um = frame.cell_um() / 2, step_turn = kDegree / 2;
@@ -129,8 +134,8 @@ void StartAlignment::refine(const ExplorationMap& map, std::span<const SurfaceSa
       const Pose pose{{middle.position.x_um + dx * step_um, middle.position.y_um + dy * step_um},
                       turned(middle.heading, dt * step_turn)};
       std::int32_t count = 0;
-      for (const SurfaceSample& sample : samples) {
-        const Cell cell = frame.cell_at(transform(pose, sample.x_um, sample.y_um));
+      for (const SeenPoint& point : points()) {
+        const Cell cell = frame.cell_at(transform(pose, point.x_mm * 1000, point.y_mm * 1000));
         count += static_cast<std::int32_t>(row_of(map, cell, 0));
       }
       const std::int32_t weight = summing ? std::max<std::int32_t>(0, count - most * 9 / 10) : 0;

@@ -1,6 +1,7 @@
 // Corrects a start pose that is only roughly known, by what the other robots have mapped there.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -11,19 +12,25 @@
 
 namespace ivfm {
 
-// For a robot that stands and has painted nothing yet: searches all poses within 0.5 m and 15
-// degrees of the one that it was given for the one at which its scan lies on the others' obstacles
-// (Olson, "Real-time correlative scan matching", ICRA 2009). Where the others have not been, or a
-// bare corridor leaves open where along it the robot stands, nothing is found.
+// Searches all start poses within 0.5 m and 15 degrees of the one that a robot was given for the
+// one with which its scan lies on the others' obstacles (Olson, "Real-time correlative scan
+// matching", ICRA 2009): while it stands there, and later from wherever it has driven to. Where the
+// others have not been, or a bare corridor leaves open where along it the robot stands, nothing is
+// found.
 class StartAlignment {
  public:
   enum class Result : std::uint8_t { kSearching, kFound, kNotFound };
 
-  void begin(const Pose& guess);
-  // A revolution's share of the search, `samples` in the robot's frame. kFound: pose() is where the
-  // robot stands; kNotFound: all poses were tried, several times as the map grew.
-  Result step(const ExplorationMap& map, std::span<const SurfaceSample> samples);
-  const Pose& pose() const { return best_.pose; }
+  void begin(const Pose& start);
+  // A revolution's share of a pass through all headings, by the scan of the revolution in which the
+  // pass begins: `samples` in the robot's frame, seen from `pose`, which follows from the start
+  // that was given. kFound: correction() is where that start really was; kNotFound: nothing was
+  // found, several times as the map grew. Either way the next step begins anew.
+  Result step(const ExplorationMap& map, std::span<const SurfaceSample> samples, const Pose& pose);
+  // T_new_old of the map frame.
+  Pose correction() const { return compose(best_.pose, relative_pose(seen_from_, {})); }
+  // Where the scan was taken that told it, in the old frame.
+  const Pose& seen_from() const { return seen_from_; }
 
  private:
   static constexpr std::int32_t kReach = 10;  // cells
@@ -34,13 +41,21 @@ class StartAlignment {
     std::int32_t score = 0;
   };
 
-  void try_heading(const ExplorationMap& map, std::span<const SurfaceSample> samples,
-                   BinaryAngle heading);
-  void note(const Candidate& candidate);
-  bool is_clear(std::size_t samples) const;
-  void refine(const ExplorationMap& map, std::span<const SurfaceSample> samples);
+  struct SeenPoint {  // in the robot's frame; a range of 32 m fits
+    std::int16_t x_mm = 0, y_mm = 0;
+  };
 
-  Pose guess_;
+  std::span<const SeenPoint> points() const { return {points_.data(), size_}; }
+  void begin_pass(std::span<const SurfaceSample> samples, const Pose& pose);
+  void try_turn(const ExplorationMap& map, std::int32_t units);
+  void note(const Candidate& candidate);
+  bool is_clear() const;
+  void refine(const ExplorationMap& map);
+
+  Pose start_;  // as it was given
+  Pose seen_from_;
+  std::array<SeenPoint, ScanSurfaces::kMaxSamples> points_{};
+  std::size_t size_ = 0;
   std::int32_t turn_ = 0;  // degrees, next to try
   std::uint8_t passes_ = 0;
   Candidate best_, second_;  // second_: the best at another place

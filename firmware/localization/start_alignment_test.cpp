@@ -49,7 +49,7 @@ class StartAlignmentTest : public testing::Test {
     alignment_.begin(guess);
     auto result = StartAlignment::Result::kSearching;
     for (int i = 0; i < 100 && result == StartAlignment::Result::kSearching; ++i) {
-      result = alignment_.step(map_, surfaces_.samples());
+      result = alignment_.step(map_, surfaces_.samples(), guess);
     }
     return result;
   }
@@ -71,10 +71,31 @@ TEST_F(StartAlignmentTest, FindsThePlaceWhereOthersHaveBeen) {
   for (const Pose& guess : {off(0, 0, 0), off(0.35, 0.35, 15), off(-0.48, 0.1, -14.5),
                             off(0.2, -0.45, 7.3), off(-0.3, -0.4, -9)}) {
     ASSERT_EQ(align(kRoom, guess), StartAlignment::Result::kFound);
-    EXPECT_NEAR(alignment_.pose().position.x_um, kTruth.position.x_um, 40'000);
-    EXPECT_NEAR(alignment_.pose().position.y_um, kTruth.position.y_um, 40'000);
-    EXPECT_NEAR((alignment_.pose().heading - kTruth.heading).degrees(), 0, 0.8);
+    const Pose found = compose(alignment_.correction(), guess);
+    EXPECT_NEAR(found.position.x_um, kTruth.position.x_um, 40'000);
+    EXPECT_NEAR(found.position.y_um, kTruth.position.y_um, 40'000);
+    EXPECT_NEAR((found.heading - kTruth.heading).degrees(), 0, 0.8);
   }
+}
+
+// The robot was told to start 6 m west of where it is now: a wrong heading has put it 1 m aside.
+TEST_F(StartAlignmentTest, FindsLaterWhereTheStartWas) {
+  others_saw(kRoom);
+  const Pose true_start{{kTruth.position.x_um - 6'000'000, kTruth.position.y_um}, {}};
+  const Pose told_start{{true_start.position.x_um + 200'000, true_start.position.y_um - 300'000},
+                        BinaryAngle::from_degrees(-10)};
+  const Pose believed = compose(told_start, relative_pose(true_start, kTruth));
+  ASSERT_GT(std::abs(believed.position.y_um - kTruth.position.y_um), 1'000'000);
+  surfaces_.take(scan_from(kRoom, kTruth), 8'000'000, kCellUm);
+  alignment_.begin(told_start);
+  auto result = StartAlignment::Result::kSearching;
+  for (int i = 0; i < 17; ++i) result = alignment_.step(map_, surfaces_.samples(), believed);
+  ASSERT_EQ(result, StartAlignment::Result::kFound);
+  EXPECT_EQ(alignment_.seen_from(), believed);
+  const Pose found = compose(alignment_.correction(), believed);
+  EXPECT_NEAR(found.position.x_um, kTruth.position.x_um, 40'000);
+  EXPECT_NEAR(found.position.y_um, kTruth.position.y_um, 40'000);
+  EXPECT_NEAR((found.heading - kTruth.heading).degrees(), 0, 0.8);
 }
 
 TEST_F(StartAlignmentTest, FindsNothingWhereNobodyHasBeen) {

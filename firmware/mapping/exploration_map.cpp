@@ -60,6 +60,17 @@ std::uint8_t saturating_add(std::uint8_t a, std::uint8_t b) {
   return static_cast<std::uint8_t>(std::min(sum, 255u));
 }
 
+// A rectangle of cells that holds `rect` moved by `moved`.
+CellRect moved_rect(const GridFrame& frame, const CellRect& rect, const Pose& moved) {
+  CellRect box{};
+  for (const Cell corner : {Cell{rect.x, rect.y}, Cell{rect.right(), rect.y},
+                            Cell{rect.x, rect.top()}, Cell{rect.right(), rect.top()}}) {
+    const Point p = frame.center_of(corner);
+    box = box.united(frame.cell_at(transform(moved, p.x_um, p.y_um)));
+  }
+  return box.grown(1);
+}
+
 }  // namespace
 
 ExplorationMap::ExplorationMap(const MapLayers& layers, std::int32_t cell_um,
@@ -159,6 +170,41 @@ void ExplorationMap::add_evidence(Cell c, int evidence) {
 
 void ExplorationMap::doubt(Cell c) {
   if (frame_.contains(c)) layers_.occupancy[frame_.index_of(c)] = occupancy::kDoubted;
+}
+
+// Each cell takes over what the cell held from where its middle came: so there are no holes.
+void ExplorationMap::re_express(const Pose& moved) {
+  if (known_.empty()) return;
+  forget_robots();
+  const Pose back = relative_pose(moved, {});
+  const CellRect region =
+      known_.united(moved_rect(frame_, known_, moved)).intersection(frame_.window());
+  const auto for_each_cell = [&region](auto&& visit) {
+    for (std::int32_t y = region.y; y < region.top(); ++y) {
+      for (std::int32_t x = region.x; x < region.right(); ++x) visit(Cell{x, y});
+    }
+  };
+  for_each_cell([&](Cell c) {
+    const Point p = frame_.center_of(c);
+    const Cell from = frame_.cell_at(transform(back, p.x_um, p.y_um));
+    std::uint16_t packed = 0;
+    if (frame_.contains(from)) {
+      const std::size_t i = frame_.index_of(from);
+      const auto evidence = static_cast<std::uint8_t>(layers_.occupancy[i]);
+      packed = static_cast<std::uint16_t>(unsigned{layers_.own_visits[i]} << 8 | evidence);
+    }
+    layers_.path_cost[frame_.index_of(c)] = packed;
+  });
+  for_each_cell([&](Cell c) {
+    const std::size_t i = frame_.index_of(c);
+    layers_.own_visits[i] = static_cast<std::uint8_t>(layers_.path_cost[i] >> 8);
+    layers_.occupancy[i] = static_cast<std::int8_t>(layers_.path_cost[i] & 0xff);
+    set_flag_at(i, cell_flag::kGivenUp, false);
+    update_obstacle(c, cell_flag::kOwnObstacle, layers_.occupancy[i] > 0);
+    believe_peers(c);
+  });
+  known_ = region;
+  for (CellRect& change : changes_) change = region;  // all of it is to be told anew
 }
 
 void ExplorationMap::put_robot(Cell c) {
@@ -277,8 +323,8 @@ Status ExplorationMap::write_peers(Layer layer, const CellRect& rect,
       if (layer == Layer::kVisits) {
         layers_.peer_visits[i] = value;
       } else {
-        const bool seen_free = layers_.occupancy[i] == occupancy::kMin;
-        update_obstacle({x, y}, cell_flag::kPeerObstacle, value != 0 && !seen_free);
+        set_flag_at(i, cell_flag::kPeerTold, value != 0);
+        believe_peers({x, y});
       }
     }
   }
@@ -340,6 +386,13 @@ void ExplorationMap::update_obstacle(Cell c, std::uint8_t flag, bool occupied) {
   const bool is_obstacle_now = (flags & cell_flag::kObstacle) != 0;
   if (was_obstacle != is_obstacle_now) stamp_inflation(c, is_obstacle_now ? 1 : -1);
   if (flag == cell_flag::kOwnObstacle) note_change(Layer::kObstacles, c);
+}
+
+// What they told counts where this robot has not seen for itself that it is free.
+void ExplorationMap::believe_peers(Cell c) {
+  const std::size_t i = frame_.index_of(c);
+  const bool told = (layers_.flags[i] & cell_flag::kPeerTold) != 0;
+  update_obstacle(c, cell_flag::kPeerObstacle, told && layers_.occupancy[i] != occupancy::kMin);
 }
 
 void ExplorationMap::stamp_inflation(Cell c, int step) {

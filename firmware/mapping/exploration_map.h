@@ -35,6 +35,7 @@ inline constexpr std::uint8_t kHitThisScan = 8;  // a beam of the scan being fus
 inline constexpr std::uint8_t kGivenUp = 16;     // was a goal, and going there showed nothing new
 inline constexpr std::uint8_t kDoubted = 32;     // the scan being fused hits it, surely free before
 inline constexpr std::uint8_t kRobot = 64;       // another robot stood here in the last scan
+inline constexpr std::uint8_t kPeerTold = 128;   // others say occupied, whatever this one has seen
 inline constexpr std::uint8_t kObstacle = kOwnObstacle | kPeerObstacle | kRobot;
 }  // namespace cell_flag
 
@@ -101,6 +102,9 @@ class ExplorationMap final : public SharedMap {
   // A scan hits what was surely free: the next hit makes an obstacle, misses make it free again.
   void doubt(Cell c);
   bool is_doubted(Cell c) const { return has_flag(c, cell_flag::kDoubted); }
+  // Moves what this robot has seen by `moved` (T_new_old of the map frame); what the others told
+  // stays. Uses MapLayers::path_cost as its scratch memory. What leaves the window is forgotten.
+  void re_express(const Pose& moved);
   // Another robot stands there: an obstacle until the next forget_robots(), and no evidence.
   void put_robot(Cell c);
   void forget_robots();
@@ -137,6 +141,11 @@ class ExplorationMap final : public SharedMap {
     return frame_.contains(c) && (layers_.flags[frame_.index_of(c)] & flag) != 0;
   }
   void update_obstacle(Cell c, std::uint8_t flag, bool occupied);
+  void believe_peers(Cell c);
+  void set_flag_at(std::size_t index, std::uint8_t flag, bool on) {
+    std::uint8_t& flags = layers_.flags[index];
+    flags = static_cast<std::uint8_t>(on ? flags | flag : flags & ~flag);
+  }
   void restore_cell(Layer layer, Cell c, std::uint8_t value);
   void note_change(Layer layer, Cell c) {
     CellRect& change = changes_[static_cast<std::size_t>(layer)];

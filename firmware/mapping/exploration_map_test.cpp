@@ -46,6 +46,37 @@ TEST_F(ExplorationMapTest, ObstaclesAreInflatedByTheRobotsDisc) {
   EXPECT_FALSE(map_.is_blocked({1, 0}));
 }
 
+TEST_F(ExplorationMapTest, WhatItHasSeenMovesToAnotherFrameAndWhatOthersToldStays) {
+  for (std::int32_t i = -6; i <= 6; ++i) {
+    map_.add_evidence({i, 3}, occupancy::kMax);  // a wall
+    for (int n = 0; n < 4; ++n) map_.add_evidence({i, 0}, occupancy::kMiss);
+    map_.count_visit({i, 1});
+  }
+  const std::vector<std::uint8_t> told{1};
+  ASSERT_EQ(map_.write_peers(Layer::kObstacles, {2, 0, 1, 1}, told), Status::kOk);
+  EXPECT_FALSE(map_.is_obstacle({2, 0})) << "surely free by this robot's own eyes";
+  (void)map_.take_changes(Layer::kVisits);
+  // A quarter turn, then 0.1 m east: (x, y) comes to (-y, x) + (0.1 m, 0).
+  map_.re_express({{100'000, 0}, BinaryAngle::from_degrees(90)});
+  int obstacles = 0, visits = 0;
+  for (std::int32_t y = -16; y < 16; ++y) {
+    for (std::int32_t x = -16; x < 16; ++x) {
+      std::uint8_t own = 0;
+      ASSERT_EQ(map_.read_own(Layer::kObstacles, {x, y, 1, 1}, {&own, 1}), Status::kOk);
+      obstacles += own;
+      visits += static_cast<int>(map_.visits({x, y}));
+      EXPECT_EQ(map_.is_blocked({x, y}), map_.obstacle_within({x, y}, 105'000)) << x << ' ' << y;
+    }
+  }
+  EXPECT_EQ(obstacles, 13);
+  EXPECT_EQ(visits, 13);
+  EXPECT_TRUE(map_.is_obstacle({-2, 0}));  // the wall's middle (25 mm, 175 mm) is at (-75, 25) mm
+  EXPECT_TRUE(map_.is_seen({0, 5}));
+  EXPECT_TRUE(map_.is_known_free({1, -3}));
+  EXPECT_TRUE(map_.is_obstacle({2, 0})) << "not seen by itself any more";
+  EXPECT_TRUE(map_.take_changes(Layer::kVisits).contains({0, 5, 1, 1}));
+}
+
 TEST_F(ExplorationMapTest, VisitsOfAllRobotsAddUpAndSaturate) {
   map_.count_visit({1, 1});
   const std::vector<std::uint8_t> peers{254};

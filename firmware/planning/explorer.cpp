@@ -39,6 +39,14 @@ void Explorer::start(const Pose& pose, Point window_center) {
   fusion_.begin_action(map_);
 }
 
+void Explorer::re_express(const Pose& moved) {
+  begin_action();
+  start_ = compose(moved, start_);
+  map_.re_express(moved);
+  paths_.forget();
+  last_ = {};
+}
+
 void Explorer::begin_action() {
   fusion_.begin_action(map_);
   action_ = {};

@@ -24,6 +24,12 @@ class BlindZone {
   // unless a beam now passes well through it. When full, further points are dropped.
   void update(const Scan& scan, const Pose& pose);
   void clear() { size_ = 0; }
+  // The frame of the poses has moved by `moved` (T_new_old).
+  void re_express(const Pose& moved) {
+    for (Point& point : std::span(points_).first(size_)) {
+      point = transform(moved, point.x_um, point.y_um);
+    }
+  }
 
   // In the frame of the poses.
   std::span<const Point> points() const { return {points_.data(), size_}; }

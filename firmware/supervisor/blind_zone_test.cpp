@@ -53,6 +53,15 @@ TEST(BlindZone, PointsAreSeenFromTheRobotsPose) {
   EXPECT_NEAR(zone.points()[0].y_um, 200'000, 2);
 }
 
+TEST(BlindZone, PointsMoveWithTheMapFrame) {
+  BlindZone zone(kBlindUm);
+  zone.update(scan_ahead_mm(200), kOrigin);
+  zone.re_express({{1'000'000, 0}, BinaryAngle::from_degrees(90)});
+  ASSERT_EQ(zone.points().size(), 1u);
+  EXPECT_NEAR(zone.points()[0].x_um, 1'000'000, 2);
+  EXPECT_NEAR(zone.points()[0].y_um, 200'000, 2);
+}
+
 TEST(BlindZone, AFullMemoryDropsTheRest) {
   BlindZone zone(1'000'000);
   Scan scan;

@@ -62,12 +62,6 @@ std::int64_t travel_to(Hit hit, std::int64_t radius, std::int64_t turn_radius) {
 
 }  // namespace
 
-Pose relative_pose(const Pose& from, const Pose& of) {
-  const std::int32_t dx = of.position.x_um - from.position.x_um;
-  const std::int32_t dy = of.position.y_um - from.position.y_um;
-  return {transform(Pose{{0, 0}, -from.heading}, dx, dy), of.heading - from.heading};
-}
-
 std::int32_t free_travel_mm(const Obstacles& obstacles, const Pose& pose, const Velocity& motion,
                             std::int32_t radius_mm, std::int32_t horizon_mm) {
   if (motion.v_um_s == 0) return horizon_mm;

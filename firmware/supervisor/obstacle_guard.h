@@ -24,7 +24,4 @@ struct Obstacles {
 std::int32_t free_travel_mm(const Obstacles& obstacles, const Pose& pose, const Velocity& motion,
                             std::int32_t radius_mm, std::int32_t horizon_mm);
 
-// The pose of `of` seen from `from`, both in the same frame (T_from_of).
-Pose relative_pose(const Pose& from, const Pose& of);
-
 }  // namespace ivfm

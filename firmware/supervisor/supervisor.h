@@ -94,6 +94,8 @@ class Supervisor {
   // ready. kRefused: not possible in this state; kInvalidArgument: an event of the supervisor's
   // own.
   Status request(RobotEvent event);
+  // The map frame has moved by `moved` (T_new_old), and so has what lies too near to be seen.
+  void re_express(const Pose& moved) { blind_zone_.re_express(moved); }
 
   RobotState state() const { return state_; }
   bool may_move() const { return supervisor_table::motion_in(state_) == Motion::kDrive; }

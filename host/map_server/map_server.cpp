@@ -150,7 +150,8 @@ bool MapServer::is_present_start(Robot& robot, const DatagramHeader& header, Tim
     ++counters_.dropped_stale;
     return false;
   }
-  if (header.epoch > robot.record.epoch) start_epoch(robot, header, now_us);
+  robot.begins_epoch = header.epoch > robot.record.epoch;
+  if (robot.begins_epoch) start_epoch(robot, header, now_us);
   robot.boot = header.boot;
   if (robot.window.take(header.sequence)) return true;
   ++counters_.dropped_replayed;
@@ -234,6 +235,11 @@ void MapServer::merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateRea
     traffic.bytes += region->wire_bytes;
     traffic.cells += region->cells.size();
   }
+  note_changes(robot, changes, now_us);
+}
+
+void MapServer::note_changes(const Robot& robot, const std::vector<TileChange>& changes,
+                             TimeUs now_us) {
   for (const TileChange& change : changes) {
     unsaved_tiles_.insert({robot.record.robot, change.key});
     if (change.changed.empty()) continue;
@@ -285,10 +291,22 @@ void MapServer::handle_hello(Robot& robot, std::uint32_t sequence,
     return;
   }
   robot.to_acknowledge.push_back(sequence);
+  if (hello->moved_frame && robot.begins_epoch) forget_frame(robot, now_us);
   if (sequence < robot.hello) return;
   robot.record.name = std::string(hello->name());
   set_window(robot, hello->window.empty() ? kAllCells : hello->window);
   robot.hello = sequence;
+}
+
+// All that the robot said was in another frame.
+void MapServer::forget_frame(Robot& robot, TimeUs now_us) {
+  std::vector<TileChange> changes;
+  map_.forget(robot.record.robot, changes);
+  note_changes(robot, changes, now_us);
+  robot.command_pending = robot.command.has_value();  // it goes on as it was
+  rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot](RunDatabase& database) {
+    database.add_event(time, id, "moved", "its map frame was wrong: its map is told anew");
+  });
 }
 
 // What the others saw in the part of the window that is new to the robot is news.

@@ -129,10 +129,11 @@ class MapServer {
     RobotRecord record;
     PeerAddress address;
     TimeUs last_heard_us = 0;
-    bool heard = false;       // since this server started
-    std::uint64_t boot = 0;   // of its present start; 0: not heard yet
-    ReplayWindow window;      // of its present epoch
-    std::uint32_t hello = 0;  // the newest taken; 0: none, so its map's window is not known
+    bool heard = false;         // since this server started
+    std::uint64_t boot = 0;     // of its present start; 0: not heard yet
+    ReplayWindow window;        // of its present epoch
+    bool begins_epoch = false;  // with the datagram at hand
+    std::uint32_t hello = 0;    // the newest taken; 0: none, so its map's window is not known
     const DatagramSeal* seal = nullptr;
     Cell cell;  // where it is
     std::optional<Pose> pose;
@@ -156,6 +157,8 @@ class MapServer {
   void count_in(Robot& robot, std::size_t size);
   bool is_present_start(Robot& robot, const DatagramHeader& header, TimeUs now_us);
   void start_epoch(Robot& robot, const DatagramHeader& header, TimeUs now_us);
+  void forget_frame(Robot& robot, TimeUs now_us);
+  void note_changes(const Robot& robot, const std::vector<TileChange>& changes, TimeUs now_us);
   void answer_hello(Robot& robot, const PeerAddress& from, const OpenedDatagram& opened);
   void take(Robot& robot, const OpenedDatagram& opened, TimeUs now_us);
   void set_window(Robot& robot, const CellRect& window);

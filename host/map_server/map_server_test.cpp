@@ -99,6 +99,18 @@ class Team : public DatagramSender {
     members_[robot]->link->mark_dirty(Layer::kVisits, rect);
   }
   void place(std::size_t robot, Point at) { members_[robot]->pose.position = at; }
+  // The robot's map frame was wrong: its visits are those of `rect` now, and there is no obstacle.
+  void move_frame(std::size_t robot, const CellRect& rect) {
+    SmallMap& map = members_[robot]->map;
+    for_each_cell(kWindow, [&](Cell c) {
+      map.set_own(Layer::kVisits, c, rect.contains({c.x, c.y, 1, 1}) ? 1 : 0);
+      map.set_own(Layer::kObstacles, c, 0);
+    });
+    members_[robot]->link->move_frame();
+    for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
+      members_[robot]->link->mark_dirty(layer, kWindow);
+    }
+  }
   void set_obstacles(std::size_t robot, const CellRect& rect, std::uint8_t value) {
     SmallMap& map = members_[robot]->map;
     for_each_cell(rect, [&](Cell c) { map.set_own(Layer::kObstacles, c, value); });
@@ -263,6 +275,30 @@ TEST(MapServer, RobotsHearWhereTheOthersNearThemAre) {
   team.run(4 * kSecond);
   ASSERT_EQ(team.link(0).peers().size(), 1u);
   EXPECT_EQ(team.link(0).peers()[0].position, (Point{3'000'000, -1'000'000}));
+}
+
+TEST(MapServer, WhatARobotSaidInAWrongFrameIsForgottenEverywhere) {
+  Team team(2, 3, {.drop = 0.3, .duplicate = 0.2, .reorder = 0.3});
+  team.visit(0, {0, 0, 10, 10});
+  team.visit(0, {0, 0, 10, 10});
+  team.set_obstacles(0, {-40, -40, 100, 1}, 1);
+  team.visit(1, {5, 5, 10, 10});
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  team.visit(0, {20, 20, 10, 10});  // still on its way
+  team.run(2 * kTick);
+  team.move_frame(0, {3, 2, 10, 10});
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  team.expect_consistent("in the new frame");
+  team.stop_server();
+  team.start_server();
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  team.expect_consistent("after a restart of the server");
+  team.stop_server();
+  team.move_frame(0, {4, 2, 10, 10});  // while nobody listens
+  team.run(3 * kSecond);
+  team.start_server();
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  team.expect_consistent("after a frame that moved without a server");
 }
 
 TEST(MapServer, CommandsAreRepeatedUntilAcknowledged) {

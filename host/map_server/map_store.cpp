@@ -73,6 +73,21 @@ void MapStore::merge(std::uint16_t robot, std::uint32_t epoch, std::uint32_t seq
   });
 }
 
+// Its tiles stay, empty: whoever was told of them has to be told that nothing is left.
+void MapStore::forget(std::uint16_t robot, std::vector<TileChange>& changes) {
+  const auto tiles = robots_.find(robot);
+  if (tiles == robots_.end()) return;
+  for (auto& [key, tile] : tiles->second) {
+    TileChange change{key, {}, true};
+    for (std::size_t i = 0; i < kTileCells; ++i) {
+      if (tile.cells[i] == 0) continue;
+      set(tile, sums_[key], key, i, 0);
+      change.changed = change.changed.united(cell_of_tile_index(key, i));
+    }
+    changes.push_back(change);
+  }
+}
+
 void MapStore::restore(std::uint16_t robot, const TileKey& key, RobotTile tile) {
   RobotTile& place = tile_for(robot, key);
   Sums& sums = sums_[key];

@@ -53,6 +53,8 @@ class MapStore {
   void merge(std::uint16_t robot, std::uint32_t epoch, std::uint32_t sequence, Layer layer,
              const CellRect& rect, std::span<const std::uint8_t> cells,
              std::vector<TileChange>& changes);
+  // Forgets all that a robot said; appends to `changes` one entry a tile.
+  void forget(std::uint16_t robot, std::vector<TileChange>& changes);
   // Puts back a stored tile, replacing what is there.
   void restore(std::uint16_t robot, const TileKey& key, RobotTile tile);
 

@@ -33,9 +33,22 @@ constexpr Pose compose(const Pose& ab, const Pose& bc) {
   return {transform(ab, bc.position.x_um, bc.position.y_um), ab.heading + bc.heading};
 }
 
+// T_a_b out of T_m_a and T_m_b: the pose `of` as seen from `from`.
+constexpr Pose relative_pose(const Pose& from, const Pose& of) {
+  const std::int32_t dx = of.position.x_um - from.position.x_um;
+  const std::int32_t dy = of.position.y_um - from.position.y_um;
+  return {transform(Pose{{0, 0}, -from.heading}, dx, dy), of.heading - from.heading};
+}
+
 constexpr std::int64_t squared_distance_um2(Point a, Point b) {
   const std::int64_t dx = std::int64_t{a.x_um} - b.x_um, dy = std::int64_t{a.y_um} - b.y_um;
   return dx * dx + dy * dy;
+}
+
+// Nearer together than `um`, and turned by less than `turn` (binary angle units).
+constexpr bool is_near(const Pose& a, const Pose& b, std::int64_t um, std::int32_t turn) {
+  const std::int32_t apart = (a.heading - b.heading).signed_raw();
+  return squared_distance_um2(a.position, b.position) < um * um && apart < turn && -apart < turn;
 }
 
 }  // namespace ivfm

@@ -100,7 +100,7 @@ Result<std::size_t> encode(const Hello& message, std::span<std::uint8_t> out) {
   ByteWriter writer(out);
   writer.u24(static_cast<std::uint32_t>(message.cell_um));
   write_window(writer, message.window);
-  writer.u8(message.resuming ? 1 : 0);
+  writer.u8(static_cast<std::uint8_t>((message.resuming ? 1 : 0) | (message.moved_frame ? 2 : 0)));
   writer.u8(message.name_size);
   for (const char c : message.name()) writer.u8(static_cast<std::uint8_t>(c));
   return finished(writer);
@@ -115,8 +115,9 @@ Result<Hello> decode_hello(std::span<const std::uint8_t> body) {
   const std::uint8_t name_size = reader.u8();
   const auto name = reader.bytes(name_size);
   if (const Status status = ending(reader); !ok(status)) return status;
-  if (name_size > Hello::kMaxName || message.cell_um == 0 || flags > 1) return Status::kCorrupt;
-  message.resuming = flags != 0;
+  if (name_size > Hello::kMaxName || message.cell_um == 0 || flags > 3) return Status::kCorrupt;
+  message.resuming = (flags & 1) != 0;
+  message.moved_frame = (flags & 2) != 0;
   for (const std::uint8_t c : name) {
     if (!is_printable(static_cast<char>(c))) return Status::kCorrupt;
     message.name_storage[message.name_size++] = static_cast<char>(c);

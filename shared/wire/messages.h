@@ -36,7 +36,9 @@ struct Hello {
   static constexpr std::size_t kMaxName = 24;
   std::int32_t cell_um = 0;  // side of its map's cells, 1 .. 2^24 - 1
   CellRect window;           // of its map, at most 65,535 to a side; empty: all cells
-  bool resuming = false;     // since this start a server has welcomed it already, in this epoch
+  bool resuming = false;     // since this start a server has welcomed it already
+  // In this epoch its cells are in another frame than before: what it said earlier holds no more.
+  bool moved_frame = false;
   std::array<char, kMaxName> name_storage{};  // printable ASCII
   std::uint8_t name_size = 0;
   std::string_view name() const { return {name_storage.data(), name_size}; }

@@ -86,7 +86,8 @@ TEST(Messages, HelloRefusesLongOrUnprintableNamesUnknownFlagsAndCellsOfNoSize) {
   EXPECT_EQ(hello_with(1, 0, {'x'}), Status::kOk);
   EXPECT_EQ(hello_with(1, 0, Bytes(25, 'x')), Status::kCorrupt);
   EXPECT_EQ(hello_with(1, 0, {0x07}), Status::kCorrupt);
-  EXPECT_EQ(hello_with(1, 2, {'x'}), Status::kCorrupt);
+  EXPECT_EQ(hello_with(1, 3, {'x'}), Status::kOk);
+  EXPECT_EQ(hello_with(1, 4, {'x'}), Status::kCorrupt);
   EXPECT_EQ(hello_with(0, 0, {'x'}), Status::kCorrupt);
 }
 

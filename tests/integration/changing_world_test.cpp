@@ -45,8 +45,9 @@ class StandingRobot : public testing::Test {
     AgentOptions options;
     AgentConfig config = make_agent_config(options, McuProfile::kCellUm, 1);
     config.start = {{600'000, 1'000'000}, {}};
-    robots_.push_back(std::make_unique<SimulatedRobot>(
-        config, std::make_shared<host::World>(world_), host::OdometryNoise::preset("none"), 1));
+    robots_.push_back(std::make_unique<SimulatedRobot>(config, config.start,
+                                                       std::make_shared<host::World>(world_),
+                                                       host::OdometryNoise::preset("none"), 1));
     robots_[0]->agent().request_stop();
   }
   // Revolutions fused until `condition` holds; more than 100 when it never does.

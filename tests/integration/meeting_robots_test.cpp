@@ -54,8 +54,8 @@ class MeetingRobots : public testing::Test {
                                Pose{{11'400'000, 1'000'000}, BinaryAngle::from_degrees(180)}};
     for (int i = 0; i < 2; ++i) {
       const Pose& start = starts[static_cast<std::size_t>(i)];
-      robots_.push_back(std::make_unique<SimulatedRobot>(config_at(start, i + 1), make_corridor(),
-                                                         host::OdometryNoise::preset("mild"), 1));
+      robots_.push_back(std::make_unique<SimulatedRobot>(
+          config_at(start, i + 1), start, make_corridor(), host::OdometryNoise::preset("mild"), 1));
     }
   }
   // Until both have explored the corridor.

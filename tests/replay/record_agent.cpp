@@ -69,8 +69,8 @@ void record_corridor(const std::vector<std::uint8_t>& model, bool matching, cons
   std::vector<std::unique_ptr<SimulatedRobot>> robots;
   for (std::uint16_t i = 0; i < 2; ++i) {
     const auto robot = static_cast<std::uint16_t>(i + 1);
-    robots.push_back(std::make_unique<SimulatedRobot>(corridor_config(starts[i], robot, matching),
-                                                      world, noise, kSeed));
+    robots.push_back(std::make_unique<SimulatedRobot>(
+        as_stored(corridor_config(starts[i], robot, matching)), starts[i], world, noise, kSeed));
     const ModelStatus loaded = robots[i]->agent().load_model(model);
     if (!ok(loaded.status)) throw std::runtime_error(std::string("bad model: ") + loaded.reason);
   }

@@ -41,16 +41,16 @@ AgentConfig as_stored(const AgentConfig& config) {
   return stored;
 }
 
-SimulatedRobot::SimulatedRobot(const AgentConfig& config, std::shared_ptr<const host::World> world,
+SimulatedRobot::SimulatedRobot(const AgentConfig& config, const Pose& start,
+                               std::shared_ptr<const host::World> world,
                                const host::OdometryNoise& noise, std::uint64_t seed)
     : world_(world),
       rays_(world),
       random_(seed, config.link.robot),
-      body_({}, host::to_true_pose(config.start), noise, seed + config.link.robot),
+      body_({}, host::to_true_pose(start), noise, seed + config.link.robot),
       rplidar_(half_rate_lidar()),
       writer_({Subject::kAgent, ProfileId::kMcu, config}),
-      agent_(as_stored(config),
-             AgentPorts{recorder_.serial(), recorder_.can(), recorder_.radio(), clock_}) {
+      agent_(config, AgentPorts{recorder_.serial(), recorder_.can(), recorder_.radio(), clock_}) {
   rplidar_.set_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
 }
 

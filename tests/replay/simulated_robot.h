@@ -28,8 +28,10 @@ class RadioQueue final : public DatagramSocket {
 
 class SimulatedRobot {
  public:
-  SimulatedRobot(const AgentConfig& config, std::shared_ptr<const host::World> world,
-                 const host::OdometryNoise& noise, std::uint64_t seed);
+  // It stands at `start`, whatever `config` says.
+  SimulatedRobot(const AgentConfig& config, const Pose& start,
+                 std::shared_ptr<const host::World> world, const host::OdometryNoise& noise,
+                 std::uint64_t seed);
 
   // Lets 2 ms pass; every 10 ms the agent makes a step.
   void tick(TimeUs now_us);
