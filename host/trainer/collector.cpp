@@ -1,25 +1,13 @@
 #include "host/trainer/collector.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <functional>
-#include <thread>
 #include <utility>
+
+#include "host/trainer/parallel.h"
 
 namespace ivfm::host {
 namespace {
-
-// Calls work(i) for 0 .. count - 1 on several threads.
-void for_each_index(std::size_t count, int threads, const std::function<void(std::size_t)>& work) {
-  std::atomic<std::size_t> next{0};
-  const auto run = [&] {
-    for (std::size_t i = next++; i < count; i = next++) work(i);
-  };
-  std::vector<std::jthread> helpers;
-  for (int i = 1; i < threads; ++i) helpers.emplace_back(run);
-  run();
-}
 
 // A reachable goal, uniformly. Requires one.
 int random_goal(const ActionMask& mask, ResumableRandom& random) {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <memory>
 
-#include "host/environment/building_worlds.h"
 #include "host/trainer/exploration_slot.h"
+#include "host/trainer/parallel.h"
 
 namespace ivfm::host {
 namespace {
@@ -18,18 +18,19 @@ void play(const Policy& policy, const Episodes& episodes) {
   std::vector<ExplorationEnvironment*> running;
   for (const auto& episode : episodes) running.push_back(episode.get());
   while (!running.empty()) {
-    std::vector<Observation> observations;
-    for (ExplorationEnvironment* e : running) {
-      e->observe(e->next_agent());
-      observations.push_back(observation_of(policy.state_kind, *e, e->next_agent()));
-    }
+    std::vector<Observation> observations(running.size());
+    for_each_index(running.size(), policy.threads, [&](std::size_t i) {
+      ExplorationEnvironment& e = *running[i];
+      e.observe(e.next_agent());
+      observations[i] = observation_of(policy.state_kind, e, e.next_agent());
+    });
     std::vector<const Observation*> pointers;
     for (const Observation& o : observations) pointers.push_back(&o);
     const std::vector<int> actions = policy.choose(pointers);
-    for (std::size_t i = 0; i < running.size(); ++i) {
+    for_each_index(running.size(), policy.threads, [&](std::size_t i) {
       bool is_local = false;
       step_as_explorer(*running[i], running[i]->next_agent(), actions[i], is_local);
-    }
+    });
     std::erase_if(running, [](const ExplorationEnvironment* e) { return e->is_done(); });
   }
 }
@@ -74,24 +75,6 @@ Evaluation evaluate_arena(const Policy& policy, ArenaKind kind, int agents, int 
   play(policy, running);
   Evaluation sum;
   for (const auto& episode : running) add(*episode, episode->totals().found, sum);
-  return mean_of(sum);
-}
-
-Evaluation evaluate_buildings(const Policy& policy, double range_m, int episodes, int cap) {
-  EnvironmentConfig config = EnvironmentConfig::building(static_cast<std::int32_t>(range_m * 1e6));
-  config.max_actions_per_agent = cap;
-  BuildingConfig building;
-  building.max_side_um = 20'000'000;
-  Episodes running;
-  for (int i = 0; i < episodes; ++i) {
-    running.push_back(std::make_unique<ExplorationEnvironment>(config));
-    running.back()->reset(
-        random_building(building, 1, kValidationSeeds + static_cast<std::uint64_t>(i)));
-  }
-  play(policy, running);
-  Evaluation sum;
-  for (const auto& episode : running)
-    add(*episode, episode->totals().coverage() >= config.until_coverage, sum);
   return mean_of(sum);
 }
 

@@ -34,13 +34,10 @@ struct Evaluation {
 struct Policy {
   StateKind state_kind = StateKind::kIvfm;
   std::function<std::vector<int>(std::span<const Observation* const>)> choose;
+  int threads = 1;  // that the episodes run on
 };
 
 // Episodes in arenas of `kind` with `agents` robots and a target, at most `cap` actions per agent.
 Evaluation evaluate_arena(const Policy& policy, ArenaKind kind, int agents, int episodes, int cap);
-
-// Single-robot episodes in generated buildings until 99 % is seen; `not_found` counts those that
-// did not get there.
-Evaluation evaluate_buildings(const Policy& policy, double range_m, int episodes, int cap);
 
 }  // namespace ivfm::host

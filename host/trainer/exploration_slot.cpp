@@ -14,8 +14,26 @@ namespace {
 
 // Seeds of training worlds; evaluation uses others (docs/training.md).
 constexpr std::uint64_t kTrainingSeeds = 900'000;
-constexpr std::size_t kBuilding = 4;  // the last of the shares
+// The shares of worlds: arenas first, in the order of ArenaKind's use below.
+constexpr std::size_t kBuilding = 4, kCorridor = 5;
+// How the paper's last experiment is played with a lidar (docs/training.md): what counts as seen,
+// what is mapped, and the share of the place that is explored.
+constexpr std::int32_t kCorridorVisitUm = 1'200'000, kCorridorRangeUm = 3'000'000;
+constexpr double kCorridorVisitFovDeg = 150, kCorridorCoverage = 0.6;
 constexpr double kDiscountCells = 8;  // the distance's discount counts for so many policy cells
+
+// Whether the network decides alone, in whole actions: as in arenas.
+bool network_decides(const EnvironmentConfig& config) { return config.explorer.view_reach_um == 0; }
+
+EnvironmentConfig corridor_config() {
+  EnvironmentConfig config = EnvironmentConfig::building(kCorridorVisitUm);
+  config.sensor_range_um = config.explorer.fusion.mapping_range_um = kCorridorRangeUm;
+  config.explorer.fusion.footprint.half_angle =
+      BinaryAngle::from_degrees(kCorridorVisitFovDeg / 2).raw();
+  config.explorer.let_network_decide();
+  config.max_travel_um = 0;
+  return config;
+}
 
 double policy_cell_m(const ExplorationEnvironment& environment) {
   return environment.config().cell_um * 1e-6 * environment.config().explorer.pool;
@@ -61,12 +79,16 @@ Earning earning_of(const StepResult& result, const ExplorationEnvironment& envir
   const double penalty = result.re_seen_penalty_cells / (pool * pool);
   const double driven_cells = result.distance_m / policy_cell_m(environment);
   const bool is_arena = environment.config().sensor == SensorModel::kPaperCamera;
-  const double re_seen = is_arena ? r.re_seen : r.building_re_seen;
+  const bool is_corridor = !is_arena && network_decides(environment.config());
+  const double re_seen = is_arena      ? r.re_seen
+                         : is_corridor ? r.corridor_re_seen
+                                       : r.building_re_seen;
   Earning out;
   out.reward = (newly_seen - re_seen * penalty) / r.unit_cells - r.per_action -
                r.per_cell * driven_cells - (result.collided ? r.collision : 0) -
                (result.idle ? r.idle : 0);
-  const DiscountConfig& discount = is_arena ? config.arena_discount : config.building_discount;
+  const DiscountConfig& discount =
+      is_arena || is_corridor ? config.arena_discount : config.building_discount;
   out.discount = discount.action * std::pow(discount.distance, driven_cells / kDiscountCells);
   return out;
 }
@@ -81,8 +103,8 @@ StepResult step_as_explorer(ExplorationEnvironment& environment, int agent, int 
 
 ExplorationSlot::ExplorationSlot(const TrainerConfig& config, double share) : config_(config) {
   const WorldMix& mix = config.worlds;
-  const double shares[] = {mix.arena_1x, mix.arena_2x, mix.divider, mix.divider_released,
-                           mix.building};
+  const double shares[] = {mix.arena_1x,         mix.arena_2x, mix.divider,
+                           mix.divider_released, mix.building, mix.corridor};
   double rest = share * std::accumulate(std::begin(shares), std::end(shares), 0.0);
   while (kind_ + 1 < std::size(shares) && rest >= shares[kind_]) rest -= shares[kind_++];
 }
@@ -91,7 +113,11 @@ void ExplorationSlot::begin(ResumableRandom& random) {
   const auto agents =
       static_cast<int>(1 + random.below(static_cast<std::uint64_t>(config_.worlds.max_agents)));
   cut_off_coverage_ = between(0.3, 1.1, random);
-  if (kind_ == kBuilding) return begin_building(agents, random);
+  if (kind_ == kCorridor) cut_off_coverage_ *= kCorridorCoverage;
+  return kind_ < kBuilding ? begin_arena(agents, random) : begin_building(agents, random);
+}
+
+void ExplorationSlot::begin_arena(int agents, ResumableRandom& random) {
   if (!environment_) {
     EnvironmentConfig arena = EnvironmentConfig::arena();
     arena.max_actions_per_agent = 150;
@@ -105,13 +131,20 @@ void ExplorationSlot::begin(ResumableRandom& random) {
   environment_->reset(scenario);
 }
 
-void ExplorationSlot::begin_building(int agents, ResumableRandom& random) {
+EnvironmentConfig ExplorationSlot::building_config(ResumableRandom& random) const {
+  if (kind_ == kCorridor) return corridor_config();
   const WorldMix& mix = config_.worlds;
   const double range_m = between(mix.building_min_range_m, mix.building_max_range_m, random);
-  EnvironmentConfig config = EnvironmentConfig::building(static_cast<std::int32_t>(range_m * 1e6));
+  return EnvironmentConfig::building(static_cast<std::int32_t>(range_m * 1e6));
+}
+
+void ExplorationSlot::begin_building(int agents, ResumableRandom& random) {
+  EnvironmentConfig config = building_config(random);
   config.max_actions_per_agent = 400;
   config.view_every_steps *= 2;  // the lidar's views overlap by far: half of them will do
+  config.window_cells = 0;       // no larger than the world: copies are cheaper
   environment_ = std::make_unique<ExplorationEnvironment>(config);
+  const WorldMix& mix = config_.worlds;
   BuildingConfig building;
   building.min_side_um = static_cast<std::int32_t>(mix.building_min_side_m * 1e6);
   building.max_side_um = static_cast<std::int32_t>(mix.building_max_side_m * 1e6);

@@ -47,7 +47,9 @@ class ExplorationSlot {
   }
 
  private:
+  void begin_arena(int agents, ResumableRandom& random);
   void begin_building(int agents, ResumableRandom& random);
+  EnvironmentConfig building_config(ResumableRandom& random) const;
 
   const TrainerConfig& config_;
   std::unique_ptr<ExplorationEnvironment> environment_;

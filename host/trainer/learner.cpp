@@ -2,12 +2,16 @@
 
 #include <algorithm>
 
+#include "host/trainer/parallel.h"
 #include "host/trainer/symmetry.h"
 
 namespace ivfm::host {
 namespace {
 
-constexpr std::size_t kChunk = 64;  // states of a pass without gradients: what a cache holds
+// States of a pass without gradients: what a processor's cache holds, what keeps a GPU busy.
+constexpr std::size_t kChunkOnCpu = 64, kChunkOnGpu = 1024;
+// A GPU plans its convolutions anew for every new size of a batch: few sizes.
+constexpr std::size_t kBatchSizesOnGpu = 128;
 
 torch::Tensor column(const std::vector<float>& values) {
   return torch::tensor(values, torch::kFloat);
@@ -35,19 +39,36 @@ Learner::Learner(const FloatNetwork& network, const LearnerConfig& config)
       torch::optim::AdamWOptions(config.learning_rate).weight_decay(config.weight_decay));
 }
 
-torch::Tensor Learner::forward(TorchNetwork& network, std::span<const State* const> states) const {
-  return network.forward(network.to_tensor(states).to(device_), arithmetic_).to(torch::kFloat);
+torch::Tensor Learner::inputs_of(std::span<const State* const> states) const {
+  return online_->to_tensor(states).to(device_);
 }
+
+// The inputs of a chunk; on a GPU with the last state repeated.
+torch::Tensor Learner::inputs_of(std::span<const Observation* const> observations) const {
+  std::vector<const State*> states;
+  for (const Observation* o : observations) states.push_back(&o->state);
+  while (device_ != torch::kCPU && states.size() % kBatchSizesOnGpu != 0)
+    states.push_back(states.back());
+  return inputs_of(states);
+}
+
+torch::Tensor Learner::forward(TorchNetwork& network, const torch::Tensor& inputs) const {
+  return network.forward(inputs, arithmetic_).to(torch::kFloat);
+}
+
+std::size_t Learner::chunk() const { return device_ == torch::kCPU ? kChunkOnCpu : kChunkOnGpu; }
 
 double Learner::learn(const LabelBuffer& labels, ResumableRandom& random) {
   const auto n = static_cast<std::size_t>(config_.batch);
-  std::vector<State> states(n);
+  std::vector<const State*> drawn;
+  std::vector<int> symmetries;
   std::vector<std::int64_t> places, rows;  // of the labelled values: row * kActions + action
   std::vector<float> targets, weights;     // a label's share of its state
   for (std::size_t row = 0; row < n; ++row) {
     const LabelledState& sample = labels[random.below(labels.size())];
     const int s = config_.symmetries ? static_cast<int>(random.below(kSymmetries)) : 0;
-    states[row] = transformed(s, sample.observation.state);
+    drawn.push_back(&sample.observation.state);
+    symmetries.push_back(s);
     for (std::size_t k = 0; k < sample.actions.size(); ++k) {
       rows.push_back(static_cast<std::int64_t>(row));
       places.push_back(rows.back() * kActions + transformed_action(s, sample.actions[k]));
@@ -55,12 +76,15 @@ double Learner::learn(const LabelBuffer& labels, ResumableRandom& random) {
       weights.push_back(1.0f / static_cast<float>(sample.actions.size()));
     }
   }
-  std::vector<const State*> pointers;
-  for (const State& state : states) pointers.push_back(&state);
+  std::vector<State> states(n);
+  std::vector<const State*> shown;
+  for (const State& state : states) shown.push_back(&state);
+  for_each_index(n, torch::get_num_threads(),
+                 [&](std::size_t i) { states[i] = transformed(symmetries[i], *drawn[i]); });
   const torch::Tensor index = torch::tensor(places, torch::kLong).to(device_);
   const torch::Tensor row = torch::tensor(rows, torch::kLong).to(device_);
   const torch::Tensor weight = column(weights).to(device_);
-  const torch::Tensor q = forward(*online_, pointers).flatten().index_select(0, index);
+  const torch::Tensor q = forward(*online_, inputs_of(shown)).flatten().index_select(0, index);
   const torch::Tensor error = q - column(targets).to(device_);
   const torch::Tensor shared =
       torch::zeros({config_.batch}, torch::device(device_)).index_add(0, row, error * weight);
@@ -86,13 +110,11 @@ double Learner::descend(const torch::Tensor& loss) {
 std::vector<float> Learner::q_values(std::span<const Observation* const> observations) {
   const torch::NoGradGuard no_gradient;
   std::vector<float> out;
-  for (std::size_t at = 0; at < observations.size(); at += kChunk) {
-    std::vector<const State*> states;
-    for (const Observation* o :
-         observations.subspan(at, std::min(kChunk, observations.size() - at)))
-      states.push_back(&o->state);
-    const torch::Tensor q = forward(*target_, states).to(torch::kCPU).contiguous();
-    out.insert(out.end(), q.data_ptr<float>(), q.data_ptr<float>() + q.numel());
+  for (std::size_t at = 0; at < observations.size(); at += chunk()) {
+    const auto some = observations.subspan(at, std::min(chunk(), observations.size() - at));
+    const torch::Tensor q = forward(*target_, inputs_of(some)).to(torch::kCPU).contiguous();
+    const auto values = static_cast<std::ptrdiff_t>(some.size() * kActions);
+    out.insert(out.end(), q.data_ptr<float>(), q.data_ptr<float>() + values);
   }
   return out;
 }
@@ -100,17 +122,16 @@ std::vector<float> Learner::q_values(std::span<const Observation* const> observa
 std::vector<float> Learner::state_values(std::span<const Observation* const> observations) {
   const torch::NoGradGuard no_gradient;
   std::vector<float> out;
-  for (std::size_t at = 0; at < observations.size(); at += kChunk) {
-    const auto chunk = observations.subspan(at, std::min(kChunk, observations.size() - at));
-    std::vector<const State*> states;
-    for (const Observation* o : chunk) states.push_back(&o->state);
-    const torch::Tensor value = forward(*target_, states).to(torch::kCPU).contiguous();
+  for (std::size_t at = 0; at < observations.size(); at += chunk()) {
+    const auto some = observations.subspan(at, std::min(chunk(), observations.size() - at));
+    const torch::Tensor inputs = inputs_of(some);
+    const torch::Tensor value = forward(*target_, inputs).to(torch::kCPU).contiguous();
     const torch::Tensor chooser =
-        config_.double_q ? forward(*online_, states).to(torch::kCPU).contiguous() : value;
-    for (std::size_t i = 0; i < chunk.size(); ++i) {
+        config_.double_q ? forward(*online_, inputs).to(torch::kCPU).contiguous() : value;
+    for (std::size_t i = 0; i < some.size(); ++i) {
       const float* row = chooser.data_ptr<float>() + i * kActions;
       const int best = config_.mask_target
-                           ? best_reachable(*chunk[i], row)
+                           ? best_reachable(*some[i], row)
                            : static_cast<int>(std::max_element(row, row + kActions) - row);
       out.push_back(best < 0 ? 0.0f : value.data_ptr<float>()[i * kActions + best]);
     }

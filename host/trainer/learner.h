@@ -48,7 +48,10 @@ class Learner {
   void load(torch::serialize::InputArchive& archive);
 
  private:
-  torch::Tensor forward(TorchNetwork& network, std::span<const State* const> states) const;
+  torch::Tensor inputs_of(std::span<const State* const> states) const;
+  torch::Tensor inputs_of(std::span<const Observation* const> observations) const;
+  torch::Tensor forward(TorchNetwork& network, const torch::Tensor& inputs) const;
+  std::size_t chunk() const;
   double descend(const torch::Tensor& loss);
 
   LearnerConfig config_;

@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "host/trainer/parallel.h"
+
 namespace ivfm::host {
 namespace {
 
@@ -42,6 +44,8 @@ TorchNetwork::TorchNetwork(const FloatNetwork& network)
 
 torch::Tensor TorchNetwork::forward(const torch::Tensor& states, Arithmetic arithmetic) {
   const bool quantized = arithmetic == Arithmetic::kQuantized;
+  const auto upsampling =
+      torch::nn::functional::InterpolateFuncOptions().scale_factor(std::vector<double>{2.0, 2.0});
   std::vector<torch::Tensor> tensors = {quantized ? rounded(0, states, false) : states};
   for (std::size_t i = 0; i < network_.layers.size(); ++i) {
     const FloatLayer& layer = network_.layers[i];
@@ -52,7 +56,7 @@ torch::Tensor TorchNetwork::forward(const torch::Tensor& states, Arithmetic arit
       const bool in_float = is_head && arithmetic == Arithmetic::kBfloat16;
       out = convolve(i, a, in_float ? Arithmetic::kFloat : arithmetic);
     } else if (layer.kind == LayerKind::kUpsample2x) {
-      out = torch::upsample_nearest2d(a, c10::nullopt, std::vector<double>{2.0, 2.0});
+      out = torch::nn::functional::interpolate(a, upsampling);
     } else {
       out = a + tensors[static_cast<std::size_t>(layer.input_b)];
     }
@@ -99,15 +103,18 @@ torch::Tensor TorchNetwork::to_tensor(std::span<const State* const> states) cons
     throw std::invalid_argument("the trainer's states have fewer channels than the network");
   torch::Tensor out = torch::empty({static_cast<std::int64_t>(states.size()),
                                     static_cast<std::int64_t>(channels), kGridSide, kGridSide});
-  float* value = out.data_ptr<float>();
-  for (const State* state : states)
+  float* const values = out.data_ptr<float>();
+  const int threads = states.size() < 256 ? 1 : torch::get_num_threads();
+  for_each_index(states.size(), threads, [&](std::size_t n) {
+    float* value = values + n * channels * kActions;
     for (std::size_t c = 0; c < channels; ++c) {
       const InputChannel scaling = network_.inputs[c];
       for (std::size_t i = 0; i < kActions; ++i) {
-        const float v = static_cast<float>((*state)[c * kActions + i]);
+        const float v = static_cast<float>((*states[n])[c * kActions + i]);
         *value++ = std::clamp((v - scaling.offset) * scaling.scale, 0.0f, 1.0f);
       }
     }
+  });
   return out;
 }
 

@@ -175,7 +175,8 @@ Policy Trainer::policy() {
   return {state_kind_from_name(config_.state).value(),
           [this](std::span<const Observation* const> observations) {
             return learner_->best_actions(observations);
-          }};
+          },
+          config_.threads};
 }
 
 void Trainer::evaluate() {

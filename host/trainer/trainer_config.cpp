@@ -96,7 +96,8 @@ void check(const TrainerConfig& c) {
   require(c.reward.unit_cells > 0, "reward.unit_cells: more than 0");
   require(c.worlds.max_agents >= 1 && c.worlds.max_agents <= 8, "worlds.max_agents: 1 to 8");
   const WorldMix& w = c.worlds;
-  const double shares[] = {w.arena_1x, w.arena_2x, w.divider, w.divider_released, w.building};
+  const double shares[] = {w.arena_1x,         w.arena_2x, w.divider,
+                           w.divider_released, w.building, w.corridor};
   double sum = 0;
   for (const double share : shares) {
     require(share >= 0, "worlds: shares are 0 or more");

@@ -16,6 +16,7 @@ struct WorldMix {
   double divider = 0.0;
   double divider_released = 0.0;
   double building = 0.0;
+  double corridor = 0.0;            // buildings where the network decides alone
   int max_agents = 1;               // each episode draws 1 .. max_agents
   double building_min_range_m = 2;  // lidar range, drawn for every building
   double building_max_range_m = 4;
@@ -28,6 +29,7 @@ struct RewardConfig {
   double unit_cells = 100;
   double re_seen = 0.2;           // times (2 sigma(count) - 1), for each re-seen policy cell
   double building_re_seen = 0.2;  // the same in buildings, where only metres count
+  double corridor_re_seen = 0.2;  // the same where the network decides alone in a building
   double per_action = 0.0;        // cost of an action
   double per_cell = 0.0;          // cost of driving one policy cell's side
   double collision = 0.5;         // cost of a contact
@@ -98,6 +100,7 @@ void visit_options(Config& c, Visit&& visit) {
   visit("worlds.divider", c.worlds.divider, "share of arenas with the paper's strip");
   visit("worlds.divider_released", c.worlds.divider_released, "share with the released strip");
   visit("worlds.building", c.worlds.building, "share of generated buildings with a lidar");
+  visit("worlds.corridor", c.worlds.corridor, "share where the network decides alone in them");
   visit("worlds.max_agents", c.worlds.max_agents, "robots of an episode, at most");
   visit("worlds.building_min_range_m", c.worlds.building_min_range_m, "shortest lidar range");
   visit("worlds.building_max_range_m", c.worlds.building_max_range_m, "longest lidar range");
@@ -106,6 +109,7 @@ void visit_options(Config& c, Visit&& visit) {
   visit("reward.unit_cells", c.reward.unit_cells, "newly seen policy cells that earn 1");
   visit("reward.re_seen", c.reward.re_seen, "weight of the penalty for seeing cells again");
   visit("reward.building_re_seen", c.reward.building_re_seen, "the same, in buildings");
+  visit("reward.corridor_re_seen", c.reward.corridor_re_seen, "the same, as worlds.corridor");
   visit("reward.per_action", c.reward.per_action, "cost of an action");
   visit("reward.per_cell", c.reward.per_cell, "cost of driving one policy cell's side");
   visit("reward.collision", c.reward.collision, "cost of a contact");
