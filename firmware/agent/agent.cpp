@@ -99,12 +99,21 @@ void Agent::sense_surroundings(TimeUs now_us) {
   has_scan_ = new_scan_ = true;
   if (!localization_.trusted()) return;  // paint nothing at a place that is in doubt
   const TimeUs before = clock_.now_us();
-  const ViewStatistics seen = explorer_.fuse(pose_at_scan_, scan_);
+  const ViewStatistics seen = explorer_.fuse(pose_at_scan_, scan_, view_is_due());
   fusion_time_us_ = static_cast<std::uint32_t>(clock_.now_us() - before);
   if (localization.matching) localization_.learn(explorer_.map(), scan_, measured_us);
   progress_.newly_seen_cells += seen.newly_seen_cells;
   ++progress_.scans_fused;
   if (start_pose_ == StartPose::kNotFound) align_later();
+}
+
+bool Agent::view_is_due() {
+  const std::uint64_t travelled_um = odometry().travelled_um();
+  const bool on_the_way = acting_ && follower_.active();
+  if (on_the_way && static_cast<std::int64_t>(travelled_um - viewed_um_) < config_.view_spacing_um)
+    return false;
+  viewed_um_ = travelled_um;
+  return true;
 }
 
 // Corrects a rough start pose before anything is painted or told in a wrong frame.
@@ -259,7 +268,7 @@ bool Agent::action_is_over(TimeUs now_us) {
     explorer_.abandon_goal();
     return true;
   }
-  if (!follower_.active()) return true;
+  if (!follower_.active()) return config_.view_spacing_um == 0 || new_scan_;
   const auto travelled = static_cast<std::int64_t>(odometry().travelled_um() - action_start_um_);
   if (!config_.keeps_goals && travelled >= config_.max_action_travel_um) return true;
   if (!new_scan_) return false;

@@ -40,7 +40,10 @@ struct AgentConfig {
   bool autostart = true;  // explore as soon as the devices are ready
   // An action ends after this much driving even when its goal is further: the map has changed.
   std::int32_t max_action_travel_um = 1'500'000;
-  bool keeps_goals = false;            // or it goes on to its goal, around what is in its way
+  bool keeps_goals = false;  // or it goes on to its goal, around what is in its way
+  // What is seen counts as visited after each so much travel and where the way ends, not while the
+  // robot turns (method.md, "Sensor footprint": every 6 % of the local map's width); 0: always.
+  std::int32_t view_spacing_um = 0;
   TimeUs max_hold_us = 1'000'000;      // held back by an obstacle for longer: another goal
   TimeUs share_period_us = 2'000'000;  // changes of the map go to the link at least so often
   TimeUs look_again_us = 2'000'000;    // a robot that sees nothing left to explore looks again
@@ -126,6 +129,7 @@ class Agent {
   void decide();
   bool action_is_over(TimeUs now_us);
   bool goes_around(TimeUs now_us);
+  bool view_is_due();
   void begin_action(TimeUs now_us);
   RobotStatus status(TimeUs now_us) const;
   SupervisorInputs supervisor_inputs(TimeUs now_us) const;
@@ -156,6 +160,7 @@ class Agent {
   Decision decision_{};
   bool acting_ = false;
   std::uint64_t action_start_um_ = 0;
+  std::uint64_t viewed_um_ = 0;  // travelled when what was seen last counted as visited
   bool stuck_ = false;
   TimeUs decided_us_ = 0;
   TimeUs held_for_us_ = 0;  // by an obstacle, without a break

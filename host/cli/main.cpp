@@ -8,6 +8,7 @@
 #include "host/cli/commands.h"
 #include "host/cli/manual.h"
 #include "host/demo/demo_command.h"
+#include "host/demo/rehearse_command.h"
 #include "host/evaluation/eval_command.h"
 #include "host/localization/localize_command.h"
 #include "host/log_analysis/log_command.h"
@@ -26,6 +27,7 @@ int run(int argc, char** argv) {
   ivfm::host::CommandAction action;
   // One line a subcommand, in the order of `ivfm --help`.
   ivfm::host::add_demo_command(app, action);
+  ivfm::host::add_rehearse_command(app, action);
   ivfm::host::add_sim_command(app, action);
   ivfm::host::add_eval_command(app, action);
   ivfm::host::add_localize_command(app, action);

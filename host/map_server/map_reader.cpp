@@ -1,6 +1,7 @@
 #include "host/map_server/map_reader.h"
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -19,28 +20,32 @@ LayerMap empty_map(std::int32_t cell_um, const CellRect& bounds) {
   return {cell_um, bounds, std::vector<std::uint8_t>(size), std::vector<std::uint8_t>(size)};
 }
 
+void add_tile(LayerMap& map, const TileKey& key, std::span<const std::uint8_t> cells) {
+  const GridFrame frame(1, map.bounds);
+  const unsigned most = key.layer == Layer::kVisits ? 255 : 1;
+  auto& layer = map.layer(key.layer);
+  const CellRect rect = key.cells();
+  for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+    for (std::int32_t x = rect.x; x < rect.right(); ++x) {
+      std::uint8_t& value = layer[frame.index_of({x, y})];
+      value = static_cast<std::uint8_t>(std::min(most, 0u + value + cells[tile_index({x, y})]));
+    }
+  }
+}
+
 // Adds the tiles that `rows` yields (layer, tile_x, tile_y, cells) to a map.
 LayerMap add_tiles(SqliteConnection& connection, const CellRect& bounds, SqliteStatement& rows) {
   LayerMap map =
       empty_map(static_cast<std::int32_t>(
                     connection.integer("SELECT value FROM meta WHERE key = 'cell_um'").value_or(0)),
                 bounds);
-  const GridFrame frame(1, bounds);
   while (rows.row()) {
     const auto cells = rows.blob(3);
     if (cells.size() != kTileCells) throw std::runtime_error("run database: a tile is damaged");
     const TileKey key{static_cast<Layer>(rows.integer(0)),
                       static_cast<std::int32_t>(rows.integer(1)),
                       static_cast<std::int32_t>(rows.integer(2))};
-    const unsigned most = key.layer == Layer::kVisits ? 255 : 1;
-    auto& layer = map.layer(key.layer);
-    const CellRect rect = key.cells();
-    for (std::int32_t y = rect.y; y < rect.top(); ++y) {
-      for (std::int32_t x = rect.x; x < rect.right(); ++x) {
-        std::uint8_t& value = layer[frame.index_of({x, y})];
-        value = static_cast<std::uint8_t>(std::min(most, 0u + value + cells[tile_index({x, y})]));
-      }
-    }
+    add_tile(map, key, cells);
   }
   return map;
 }
@@ -129,6 +134,29 @@ LayerMap load_robot_map(const std::filesystem::path& database, std::uint16_t rob
                         "SELECT layer, tile_x, tile_y, cells FROM tiles WHERE robot = ?");
   tiles.bind(std::int64_t{robot});
   return add_tiles(connection, tile_bounds(extent), tiles);
+}
+
+LayerMap merged_map(const MapStore& store, std::int32_t cell_um) {
+  const std::set<TileKey> tiles = store.tiles();
+  CellRect bounds;
+  for (const TileKey& key : tiles) bounds = bounds.united(key.cells());
+  LayerMap map = empty_map(cell_um, bounds);
+  std::array<std::uint8_t, kTileCells> cells;
+  for (const TileKey& key : tiles) {
+    store.read_merged(key, cells);
+    add_tile(map, key, cells);
+  }
+  return map;
+}
+
+LayerMap robot_map(const MapStore& store, std::uint16_t robot, std::int32_t cell_um) {
+  const auto* tiles = store.robot_tiles(robot);
+  if (tiles == nullptr) return {};
+  CellRect bounds;
+  for (const auto& [key, tile] : *tiles) bounds = bounds.united(key.cells());
+  LayerMap map = empty_map(cell_um, bounds);
+  for (const auto& [key, tile] : *tiles) add_tile(map, key, tile.cells);
+  return map;
 }
 
 std::vector<std::uint16_t> load_robot_ids(const std::filesystem::path& database) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "host/map_server/map_store.h"
 #include "host/map_server/sqlite.h"
 #include "shared/geometry/grid_frame.h"
 #include "shared/wire/layer.h"
@@ -38,6 +39,9 @@ SqliteConnection open_run_database(const std::filesystem::path& database);
 LayerMap load_merged_map(const std::filesystem::path& database);
 // What one robot saw; empty bounds when it is not known.
 LayerMap load_robot_map(const std::filesystem::path& database, std::uint16_t robot);
+// The same of a server's memory; `cell_um` of its run.
+LayerMap merged_map(const MapStore& store, std::int32_t cell_um);
+LayerMap robot_map(const MapStore& store, std::uint16_t robot, std::int32_t cell_um);
 // The robots of the run, in order.
 std::vector<std::uint16_t> load_robot_ids(const std::filesystem::path& database);
 

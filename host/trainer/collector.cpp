@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "host/trainer/parallel.h"
+#include "host/environment/parallel.h"
 
 namespace ivfm::host {
 namespace {

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "host/trainer/exploration_slot.h"
-#include "host/trainer/parallel.h"
+#include "host/environment/parallel.h"
 
 namespace ivfm::host {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "host/trainer/parallel.h"
+#include "host/environment/parallel.h"
 #include "host/trainer/symmetry.h"
 
 namespace ivfm::host {

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "host/trainer/parallel.h"
+#include "host/environment/parallel.h"
 
 namespace ivfm::host {
 namespace {

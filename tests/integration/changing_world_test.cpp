@@ -8,12 +8,11 @@
 
 #include "firmware/agent/linux/agent_setup.h"
 #include "host/simulator/doors.h"
-#include "tests/replay/robot_team.h"
+#include "tests/replay/simulated_robot.h"
 
 namespace ivfm {
 namespace {
 
-using replay::RobotTeam;
 using replay::SimulatedRobot;
 
 constexpr TimeUs kTickUs = 2'000;
@@ -48,6 +47,7 @@ class StandingRobot : public testing::Test {
     robots_.push_back(std::make_unique<SimulatedRobot>(config, config.start,
                                                        std::make_shared<host::World>(world_),
                                                        host::OdometryNoise::preset("none"), 1));
+    team_.add(robots_[0]->radio());
     robots_[0]->agent().request_stop();
   }
   // Revolutions fused until `condition` holds; more than 100 when it never does.
@@ -92,7 +92,7 @@ class StandingRobot : public testing::Test {
   host::World world_ = two_rooms();
   host::Doors doors_{world_, {host::parse_door("2,0.6,2.05,1.4@20s+20s")}};
   std::vector<std::unique_ptr<SimulatedRobot>> robots_;
-  RobotTeam team_{robots_};
+  host::TeamRadio team_;
   TimeUs now_us_ = 5 * kSecondUs;
 };
 

@@ -11,12 +11,11 @@
 
 #include "firmware/agent/linux/agent_setup.h"
 #include "host/simulator/robot_body.h"
-#include "tests/replay/robot_team.h"
+#include "tests/replay/simulated_robot.h"
 
 namespace ivfm {
 namespace {
 
-using replay::RobotTeam;
 using replay::SimulatedRobot;
 
 constexpr TimeUs kTickUs = 2'000;
@@ -54,6 +53,7 @@ class LateOverlap : public testing::Test {
     config.rough_start = rough;
     robots_.push_back(std::make_unique<SimulatedRobot>(config, start, world_,
                                                        host::OdometryNoise::preset("mild"), 1));
+    team_.add(robots_.back()->radio());
   }
   void run_for(TimeUs duration_us) {
     for (const TimeUs end_us = now_us_ + duration_us; now_us_ < end_us;) tick();
@@ -115,7 +115,7 @@ class LateOverlap : public testing::Test {
 
   std::shared_ptr<const host::World> world_ = two_rooms();
   std::vector<std::unique_ptr<SimulatedRobot>> robots_;
-  RobotTeam team_{robots_};
+  host::TeamRadio team_;
   TimeUs now_us_ = 5 * kSecondUs;
 };
 

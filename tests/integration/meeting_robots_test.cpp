@@ -8,12 +8,11 @@
 #include <memory>
 
 #include "firmware/agent/linux/agent_setup.h"
-#include "tests/replay/robot_team.h"
+#include "tests/replay/simulated_robot.h"
 
 namespace ivfm {
 namespace {
 
-using replay::RobotTeam;
 using replay::SimulatedRobot;
 
 constexpr TimeUs kTickUs = 2'000;
@@ -56,6 +55,7 @@ class MeetingRobots : public testing::Test {
       const Pose& start = starts[static_cast<std::size_t>(i)];
       robots_.push_back(std::make_unique<SimulatedRobot>(
           config_at(start, i + 1), start, make_corridor(), host::OdometryNoise::preset("mild"), 1));
+      team_.add(robots_.back()->radio());
     }
   }
   // Until both have explored the corridor.
@@ -93,7 +93,7 @@ class MeetingRobots : public testing::Test {
 
   int most_ghosts_ = 0;
   std::vector<std::unique_ptr<SimulatedRobot>> robots_;
-  RobotTeam team_{robots_};
+  host::TeamRadio team_;
 };
 
 TEST_F(MeetingRobots, AreNoPartOfTheMap) {

@@ -17,9 +17,10 @@
 #include "firmware/nn/q_network.h"
 #include "host/environment/arena_worlds.h"
 #include "host/environment/exploration_environment.h"
+#include "host/map_server/team_radio.h"
 #include "host/quantizer/quantizer.h"
 #include "host/simulator/corridor_world.h"
-#include "tests/replay/robot_team.h"
+#include "tests/replay/simulated_robot.h"
 
 namespace ivfm::replay {
 namespace {
@@ -74,7 +75,8 @@ void record_corridor(const std::vector<std::uint8_t>& model, bool matching, cons
     const ModelStatus loaded = robots[i]->agent().load_model(model);
     if (!ok(loaded.status)) throw std::runtime_error(std::string("bad model: ") + loaded.reason);
   }
-  RobotTeam team(robots);
+  host::TeamRadio team;
+  for (const auto& robot : robots) team.add(robot->radio());
   SimulatedRobot& recorded = *robots[0];
   TimeUs now_us = 5'000'000;
   const TimeUs begin_us = now_us;

@@ -19,19 +19,6 @@ constexpr host::RplidarEmulatorConfig half_rate_lidar() {
 
 }  // namespace
 
-Result<std::size_t> RadioQueue::receive(std::span<std::uint8_t> buffer) {
-  if (to_robot.empty()) return Status::kEmpty;
-  const Datagram datagram = to_robot.front();
-  to_robot.erase(to_robot.begin());
-  std::copy(datagram.begin(), datagram.end(), buffer.begin());
-  return datagram.size();
-}
-
-Status RadioQueue::send(std::span<const std::uint8_t> datagram) {
-  from_robot.emplace_back(datagram.begin(), datagram.end());
-  return Status::kOk;
-}
-
 AgentConfig as_stored(const AgentConfig& config) {
   std::vector<std::int32_t> values;
   for_each_setting(config, [&](const auto& setting) { values.push_back(to_stored(setting)); });

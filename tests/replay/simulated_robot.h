@@ -9,22 +9,13 @@
 #include "firmware/hal/fake/fake_can_bus.h"
 #include "host/environment/random.h"
 #include "host/environment/ray_caster.h"
+#include "host/map_server/team_radio.h"
 #include "host/simulator/cia402_emulator.h"
 #include "host/simulator/emulated_serial_port.h"
 #include "host/simulator/robot_body.h"
 #include "tests/replay/recording_ports.h"
 
 namespace ivfm::replay {
-
-// Datagrams between a robot and the map server, without loss.
-class RadioQueue final : public DatagramSocket {
- public:
-  using Datagram = std::vector<std::uint8_t>;
-  Result<std::size_t> receive(std::span<std::uint8_t> buffer) override;
-  Status send(std::span<const std::uint8_t> datagram) override;
-
-  std::vector<Datagram> to_robot, from_robot;
-};
 
 class SimulatedRobot {
  public:
@@ -43,7 +34,7 @@ class SimulatedRobot {
   Agent& agent() { return agent_; }
   const host::RobotBody& body() const { return body_; }
   const ReplayWriter& writer() const { return writer_; }
-  RadioQueue& radio() { return radio_; }
+  host::RadioQueue& radio() { return radio_; }
   std::vector<std::uint8_t> recording() { return writer_.finish(); }
 
  private:
@@ -66,7 +57,7 @@ class SimulatedRobot {
   fake::FakeCanWire<2> wire_;
   host::Cia402Emulator left_{{.node_id = 1}}, right_{{.node_id = 2}};
   host::DriveGroup drives_{wire_.end(1), {&left_, &right_}};
-  RadioQueue radio_;
+  host::RadioQueue radio_;
   StillClock clock_;
   double left_counts_ = 0, right_counts_ = 0;
   ReplayWriter writer_;

@@ -81,7 +81,10 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
                   BinaryAngle::from_degrees(options.start_heading_deg)};
   config.rough_start = options.rough_start;
   config.max_action_travel_um = to_um(options.visit_range_m / 2);
-  config.keeps_goals = options.goals == GoalsChoice::kNetwork;
+  if (options.goals == GoalsChoice::kNetwork) {
+    config.keeps_goals = true;
+    config.view_spacing_um = to_um(0.06 * 4 * options.visit_range_m);  // as the paper's camera
+  }
   if (const auto target = parse_place(options.target)) {
     config.target = Point{to_um((*target)[0]), to_um((*target)[1])};
   }

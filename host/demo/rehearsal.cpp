@@ -1,0 +1,202 @@
+#include "host/demo/rehearsal.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "firmware/agent/agent.h"
+#include "firmware/agent/linux/agent_setup.h"
+#include "firmware/hal/fake/fake_can_bus.h"
+#include "host/environment/random.h"
+#include "host/map_server/team_radio.h"
+#include "host/simulator/cia402_emulator.h"
+#include "host/simulator/emulated_serial_port.h"
+#include "host/simulator/rplidar_emulator.h"
+
+namespace ivfm::host {
+namespace {
+
+constexpr TimeUs kTickUs = 2'000;
+constexpr TimeUs kAgentPeriodUs = 10'000;
+constexpr TimeUs kRadioPeriodUs = 20'000;
+constexpr TimeUs kJudgePeriodUs = 1'000'000;
+constexpr TimeUs kBeginUs = 5'000'000;
+
+// Of one of a robot's independent random streams.
+std::uint64_t seed_of(const RehearsalOptions& options, int robot, std::uint64_t purpose) {
+  return Random(options.world.seed, 2 * static_cast<std::uint64_t>(robot) + purpose).next();
+}
+
+class SimulatedClock final : public Clock {
+ public:
+  TimeUs now_us() override { return now; }
+  TimeUs now = kBeginUs;
+};
+
+// An agent, what it is connected to, and its body.
+class RehearsedRobot {
+ public:
+  RehearsedRobot(int number, const PreparedWorld& world, const RehearsalOptions& options)
+      : world_(world),
+        config_(config_of(number, world, options)),
+        body_(world.body, to_true_pose(config_.start), options.odometry,
+              seed_of(options, number, 0)),
+        rays_(world.world, options.lidar, seed_of(options, number, 1)),
+        agent_(std::make_unique<AgentFor<RobotProfile>>(
+            config_, AgentPorts{serial_, wire_.end(0), radio_, clock_})) {
+    rplidar_.set_beam_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
+    serial_.set_now(kBeginUs);
+    if (options.model.empty()) return;
+    const ModelStatus loaded = agent_->load_model(options.model);
+    if (!ok(loaded.status)) throw std::invalid_argument(std::string("model: ") + loaded.reason);
+  }
+
+  void tick(TimeUs now_us, std::vector<TruePose> others) {
+    others_ = std::move(others);
+    clock_.now = now_us;
+    wire_.advance_to(now_us);
+    drives_.step(now_us);
+    roll_wheels();
+    serial_.set_now(now_us);
+    if (now_us % kAgentPeriodUs == 0) agent_->step(now_us);
+  }
+
+  const Agent& agent() const { return *agent_; }
+  const RobotBody& body() const { return body_; }
+  RadioQueue& radio() { return radio_; }
+  double error_m() const {
+    const Point believed = agent_->pose().position;
+    return std::hypot(body_.pose().x_m - believed.x_um / 1e6,
+                      body_.pose().y_m - believed.y_um / 1e6);
+  }
+
+ private:
+  static AgentConfig config_of(int number, const PreparedWorld& world,
+                               const RehearsalOptions& options) {
+    AgentOptions agent = options.agent;
+    agent.robot_id = number;
+    agent.robot_radius_m = world.body.radius_m;
+    agent.wheel_radius_m = world.body.wheel_radius_m;
+    agent.wheel_base_m = world.body.wheel_base_m;
+    AgentConfig config = make_agent_config(agent, RobotProfile::kCellUm, 1);
+    config.start = world.starts[static_cast<std::size_t>(number - 1)];
+    return config;
+  }
+
+  void measure(std::span<ScanPoint> beams) {
+    for (ScanPoint& beam : beams) {
+      const LidarSample sample =
+          rays_.measure(body_.pose(), beam.bearing.radians(), others_, body_.shape().radius_m);
+      beam.range_mm = sample.range_mm;
+      beam.quality = sample.quality;
+      beam.echo = sample.range_mm > 0 ? Echo::kHit : Echo::kNothing;
+    }
+  }
+
+  void roll_wheels() {
+    const WheelGeometry& wheels = config_.wheels.geometry;
+    const double metres_per_count = wheels.wheel_circumference_um * 1e-6 / wheels.counts_per_turn;
+    const double left = left_.ground_position(), right = right_.ground_position();
+    body_.roll((left - left_counts_) * metres_per_count, (right - right_counts_) * metres_per_count,
+               world_.world, others_);
+    left_counts_ = left;
+    right_counts_ = right;
+  }
+
+  const PreparedWorld& world_;
+  AgentConfig config_;
+  RobotBody body_;
+  MrptLidar rays_;
+  RplidarEmulator rplidar_;
+  EmulatedSerialPort serial_{rplidar_};
+  fake::FakeCanWire<2> wire_;
+  Cia402Emulator left_{{.node_id = 1}}, right_{{.node_id = 2}};
+  DriveGroup drives_{wire_.end(1), {&left_, &right_}};
+  RadioQueue radio_;
+  SimulatedClock clock_;
+  double left_counts_ = 0, right_counts_ = 0;
+  std::vector<TruePose> others_;
+  std::unique_ptr<AgentFor<RobotProfile>> agent_;
+};
+
+class Rehearsal {
+ public:
+  explicit Rehearsal(const RehearsalOptions& options)
+      : options_(options),
+        world_(prepare_world(options.world)),
+        meter_(world_.world, world_.starts.front().position, RobotProfile::kCellUm) {
+    for (int i = 1; i <= static_cast<int>(world_.starts.size()); ++i) {
+      robots_.push_back(std::make_unique<RehearsedRobot>(i, world_, options));
+      team_.add(robots_.back()->radio());
+    }
+  }
+
+  RehearsalResult run() {
+    const auto limit_us = kBeginUs + static_cast<TimeUs>(options_.time_limit_s * 1e6);
+    TimeUs now_us = kBeginUs;
+    while (now_us < limit_us && !result_.goal_reached && !all_are_idle()) {
+      now_us += kTickUs;
+      tick(now_us);
+      if (now_us % kJudgePeriodUs == 0) judge();
+    }
+    judge();
+    result_.simulated_s = static_cast<double>(now_us - kBeginUs) / 1e6;
+    result_.rms_error_m = std::sqrt(squared_errors_ / std::max(1.0, errors_));
+    return result_;
+  }
+
+ private:
+  void tick(TimeUs now_us) {
+    std::vector<TruePose> poses;
+    for (const auto& robot : robots_) poses.push_back(robot->body().pose());
+    for (std::size_t i = 0; i < robots_.size(); ++i) {
+      std::vector<TruePose> others = poses;
+      others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+      robots_[i]->tick(now_us, std::move(others));
+    }
+    if (now_us % kRadioPeriodUs == 0) team_.exchange(now_us);
+  }
+
+  bool all_are_idle() const {
+    return std::ranges::all_of(
+        robots_, [](const auto& robot) { return robot->agent().state() == RobotState::kExplored; });
+  }
+
+  void judge() {
+    result_.actions = 0, result_.driven_m = 0, result_.collisions = 0;
+    std::vector<LayerMap> maps;
+    const MapStore& store = team_.server().map();
+    for (std::size_t i = 0; i < robots_.size(); ++i) {
+      const RehearsedRobot& robot = *robots_[i];
+      result_.actions += robot.agent().progress().actions;
+      result_.driven_m += robot.body().travelled_m();
+      result_.collisions += robot.body().collisions();
+      const double error_m = robot.error_m();
+      squared_errors_ += error_m * error_m, errors_ += 1;
+      result_.largest_error_m = std::max(result_.largest_error_m, error_m);
+      maps.push_back(robot_map(store, static_cast<std::uint16_t>(i + 1), RobotProfile::kCellUm));
+    }
+    result_.scores =
+        score_run(merged_map(store, RobotProfile::kCellUm), maps, meter_, result_.driven_m);
+    result_.goal_reached = result_.scores.coverage >= options_.until;
+  }
+
+  const RehearsalOptions& options_;
+  PreparedWorld world_;
+  CoverageMeter meter_;
+  std::vector<std::unique_ptr<RehearsedRobot>> robots_;
+  TeamRadio team_;
+  RehearsalResult result_;
+  double squared_errors_ = 0, errors_ = 0;
+};
+
+}  // namespace
+
+RehearsalResult rehearse(const RehearsalOptions& options) {
+  return std::make_unique<Rehearsal>(options)->run();
+}
+
+}  // namespace ivfm::host

@@ -1,0 +1,194 @@
+#include "host/demo/rehearse_command.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "firmware/agent/profile.h"
+#include "firmware/planning/explorer.h"
+#include "host/cli/progress_line.h"
+#include "host/cli/shipped_model.h"
+#include "host/demo/rehearsal.h"
+#include "host/environment/parallel.h"
+#include "host/quantizer/quantizer.h"
+
+namespace ivfm::host {
+namespace {
+
+std::atomic<bool> g_interrupted{false};
+
+void on_signal(int) { g_interrupted = true; }
+
+struct CommandOptions {
+  RehearsalOptions rehearsal;
+  std::filesystem::path model;
+  std::string odometry = "turtlebot", lidar = "mild", goals = "views", localization = "matching";
+  int episodes = 10;
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+};
+
+// The paper's metre is the width of its local map (method.md, "How good").
+double local_map_width_m(const AgentOptions& agent) {
+  const auto range_um = static_cast<std::int32_t>(std::lround(agent.visit_range_m * 1e6));
+  return ExplorerConfig::lidar(range_um, RobotProfile::kCellUm)
+             .local_map_um(RobotProfile::kCellUm) *
+         1e-6;
+}
+
+struct Column {
+  const char* name;
+  int digits;
+  double (*value)(const RehearsalResult& result, double width_m);
+};
+
+constexpr Column kColumns[] = {
+    {"steps", 1, [](const RehearsalResult& r, double) { return double{1} * r.actions; }},
+    {"RER", 3, [](const RehearsalResult& r, double) { return r.scores.repeat_rate; }},
+    {"PE", 0,
+     [](const RehearsalResult& r, double width_m) { return r.scores.pixels_per_metre / width_m; }},
+    {"overlap", 3, [](const RehearsalResult& r, double) { return r.scores.overlap; }},
+    {"coverage", 3, [](const RehearsalResult& r, double) { return r.scores.coverage; }},
+    {"seconds", 0, [](const RehearsalResult& r, double) { return r.simulated_s; }},
+    {"metres", 1, [](const RehearsalResult& r, double) { return r.driven_m; }},
+    {"contacts", 1, [](const RehearsalResult& r, double) { return double{1} * r.collisions; }},
+    {"off rms (m)", 3, [](const RehearsalResult& r, double) { return r.rms_error_m; }},
+    {"off at most", 3, [](const RehearsalResult& r, double) { return r.largest_error_m; }},
+};
+
+void print_row(const std::string& name, const std::vector<double>& values) {
+  std::printf("%-10s", name.c_str());
+  for (std::size_t i = 0; i < values.size(); ++i)
+    std::printf(" %11.*f", kColumns[i].digits, values[i]);
+  std::printf("\n");
+}
+
+void print(const std::vector<RehearsalResult>& results, const CommandOptions& options) {
+  const double width_m = local_map_width_m(options.rehearsal.agent);
+  std::printf("%-10s", "seed");
+  for (const Column& column : kColumns) std::printf(" %11s", column.name);
+  std::printf("\n");
+  std::vector<double> sums(std::size(kColumns)), squares(std::size(kColumns));
+  int reached = 0;
+  for (std::size_t k = 0; k < results.size(); ++k) {
+    std::vector<double> row;
+    for (const Column& column : kColumns) row.push_back(column.value(results[k], width_m));
+    const char* mark = results[k].goal_reached ? "" : " gave up";
+    reached += results[k].goal_reached ? 1 : 0;
+    print_row(std::to_string(options.rehearsal.world.seed + k) + mark, row);
+    for (std::size_t i = 0; i < row.size(); ++i) sums[i] += row[i], squares[i] += row[i] * row[i];
+  }
+  const auto n = static_cast<double>(results.size());
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    sums[i] /= n;
+    const double variance = std::max(0.0, squares[i] / n - sums[i] * sums[i]);
+    errors.push_back(n > 1 ? std::sqrt(variance / (n - 1)) : 0);
+  }
+  print_row("mean", sums);
+  print_row("std. error", errors);
+  std::printf(
+      "%d of %zu saw %.0f %%; PE takes the local map's width, %.1f m, as the paper's metre\n",
+      reached, results.size(), 100 * options.rehearsal.until, width_m);
+}
+
+int rehearse_all(CommandOptions& options) {
+  options.rehearsal.odometry = OdometryNoise::preset(options.odometry);
+  options.rehearsal.lidar = LidarModel::preset(options.lidar);
+  options.rehearsal.agent.goals =
+      options.goals == "network" ? GoalsChoice::kNetwork : GoalsChoice::kViews;
+  options.rehearsal.agent.localization = options.localization == "matching"
+                                             ? LocalizationChoice::kMatching
+                                             : LocalizationChoice::kOdometry;
+  options.rehearsal.model =
+      read_model_file(options.model.empty() ? shipped_model(".ivfm") : options.model);
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
+  const auto count = static_cast<std::size_t>(options.episodes);
+  std::vector<RehearsalResult> results(count);
+  ProgressLine progress(count, "runs");
+  std::mutex mutex;
+  std::uint64_t finished = 0;
+  for_each_index(count, options.threads, [&](std::size_t i) {
+    if (g_interrupted) return;
+    RehearsalOptions one = options.rehearsal;
+    one.world.seed += i;
+    results[i] = rehearse(one);
+    const std::scoped_lock lock(mutex);
+    progress(++finished);
+  });
+  if (g_interrupted) {
+    std::fprintf(stderr, "ivfm: interrupted\n");
+    return 1;
+  }
+  print(results, options);
+  return 0;
+}
+
+}  // namespace
+
+void add_rehearse_command(CLI::App& app, CommandAction& action) {
+  auto options = std::make_shared<CommandOptions>();
+  RehearsalOptions& rehearsal = options->rehearsal;
+  CLI::App* command = app.add_subcommand(
+      "rehearse", "Many runs of whole agents in simulated time: means of what they achieve");
+  command->add_option("--robots", rehearsal.world.robots, "how many")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 8));
+  command
+      ->add_option("--world", rehearsal.world.name,
+                   "corridor, malaga, building, or a map file (.yaml, .pgm, .png)")
+      ->capture_default_str();
+  command->add_flag("--random-starts", rehearsal.world.random_starts,
+                    "draw the start poses in the corridor from the seed");
+  command->add_option("--episodes", options->episodes, "how many runs, each with its own seed")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100'000));
+  command->add_option("--seed", rehearsal.world.seed, "of the first run")->capture_default_str();
+  command->add_option("--threads", options->threads, "the results do not depend on it [all cores]")
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--model", options->model,
+                      "quantized Q-network [the first of models/*.ivfm]");
+  command
+      ->add_option("--goals", options->goals,
+                   "views: of frontiers; network: the network's choice alone, as in the paper")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"views", "network"}));
+  command->add_option("--until", rehearsal.until, "share of the free space to see")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1.0));
+  command->add_option("--time-limit", rehearsal.time_limit_s, "seconds of the robots' time")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--visit-range", rehearsal.agent.visit_range_m,
+                   "metres within which a cell is seen")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 12.0));
+  command
+      ->add_option("--visit-fov", rehearsal.agent.visit_fov_deg,
+                   "and within so many degrees, ahead")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 360.0));
+  command->add_option("--odometry-noise", options->odometry, "none, mild, turtlebot or harsh")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));
+  command->add_option("--lidar-noise", options->lidar, "none or mild")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "mild"}));
+  command->add_option("--localization", options->localization, "matching or odometry")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"odometry", "matching"}));
+  command->footer(
+      "Example: ivfm rehearse --goals network --visit-range 1.2 --visit-fov 150 --random-starts");
+  command->callback([options, &action] { action = [options] { return rehearse_all(*options); }; });
+}
+
+}  // namespace ivfm::host
