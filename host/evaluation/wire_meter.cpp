@@ -14,6 +14,7 @@ namespace ivfm::host {
 namespace {
 
 constexpr TimeUs kTickUs = 100'000;
+constexpr std::uint32_t kEpoch = 1;  // of the server's first start
 constexpr TimeUs kGoodbyeUs = 10'000'000;
 constexpr std::int64_t kSimStepsPerSecond = 240;
 
@@ -81,7 +82,7 @@ struct WireMeter::Team final : DatagramSender {
   Team() {
     MapServerConfig config;
     config.seals = &keys;
-    server.emplace(database, *this, database.begin_session(0, 1), config);
+    server.emplace(*this, kEpoch, config);
   }
   void send(const PeerAddress& to, std::span<const std::uint8_t> datagram) override {
     members.at(static_cast<int>(to.size))
@@ -110,7 +111,6 @@ struct WireMeter::Team final : DatagramSender {
   }
 
   KeyRing keys{made_up_keys()};
-  RunDatabase database{":memory:"};
   std::map<int, Member> members;
   std::optional<MapServer> server;
   TimeUs now_us = 1;

@@ -38,17 +38,22 @@ Acknowledgement next_acknowledgement(std::vector<std::uint32_t>& sequences) {
 
 MapServer::MapServer(RunDatabase& database, DatagramSender& sender, std::uint32_t epoch,
                      const MapServerConfig& config)
-    : database_(database), sender_(sender), epoch_(epoch), config_(config) {
-  if (config_.boot == 0) config_.boot = epoch;
-  load();
+    : MapServer(sender, epoch, config) {
+  database_ = &database;
+  load(database);
 }
 
-void MapServer::load() {
-  cell_um_ = database_.cell_um();
-  finder_ = database_.finder();
-  database_.load_tiles(map_);
-  first_seen_ = database_.load_first_seen();
-  for (RobotRecord& record : database_.load_robots()) {
+MapServer::MapServer(DatagramSender& sender, std::uint32_t epoch, const MapServerConfig& config)
+    : sender_(sender), epoch_(epoch), config_(config) {
+  if (config_.boot == 0) config_.boot = epoch;
+}
+
+void MapServer::load(RunDatabase& database) {
+  cell_um_ = database.cell_um();
+  finder_ = database.finder();
+  database.load_tiles(map_);
+  first_seen_ = database.load_first_seen();
+  for (RobotRecord& record : database.load_robots()) {
     Robot& robot = robots_[record.robot];
     robot.downlink = Downlink(config_.downlink);
     robot.seal = config_.seals->of(record.robot);
@@ -166,8 +171,8 @@ void MapServer::start_epoch(Robot& robot, const DatagramHeader& header, TimeUs n
   robot.downlink = Downlink(config_.downlink);
   robot.to_acknowledge.clear();
   robot.command_pending = robot.command.has_value() && robot.command->code == CommandCode::kFound;
-  rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot,
-                      epoch = header.epoch](RunDatabase& database) {
+  log([time = to_sql(now_us), id = robot.record.robot,
+       epoch = header.epoch](RunDatabase& database) {
     database.add_event(time, id, "started", "epoch " + std::to_string(epoch));
   });
 }
@@ -203,7 +208,7 @@ void MapServer::handle_map_update(Robot& robot, std::uint32_t sequence,
 bool MapServer::accept_cell_size(std::int32_t cell_um) {
   if (!cell_um_) {
     cell_um_ = cell_um;
-    rows_.emplace_back([cell_um](RunDatabase& database) { database.save_cell_um(cell_um); });
+    log([cell_um](RunDatabase& database) { database.save_cell_um(cell_um); });
   }
   if (*cell_um_ == cell_um) return true;
   ++counters_.dropped_cell_size;
@@ -246,7 +251,7 @@ void MapServer::note_changes(const Robot& robot, const std::vector<TileChange>& 
     CellRect& changed = uncommitted_changes_[robot.record.robot][change.key];
     changed = changed.united(change.changed);
     changed_tiles_.insert(change.key);
-    note_first_seen(change, now_us);
+    if (database_ != nullptr) note_first_seen(change, now_us);
   }
 }
 
@@ -284,8 +289,8 @@ void MapServer::handle_hello(Robot& robot, std::uint32_t sequence,
     return;
   }
   if (!accept_cell_size(hello->cell_um)) {
-    rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot,
-                        cell_um = hello->cell_um](RunDatabase& database) {
+    log([time = to_sql(now_us), id = robot.record.robot,
+         cell_um = hello->cell_um](RunDatabase& database) {
       database.add_event(time, id, "refused", "cells of " + std::to_string(cell_um) + " um");
     });
     return;
@@ -375,10 +380,10 @@ void MapServer::handle_status(Robot& robot, std::span<const std::uint8_t> body, 
   robot.status = *status;
   const std::uint16_t id = robot.record.robot;
   const std::int64_t time = to_sql(now_us);
-  rows_.emplace_back([=](RunDatabase& database) { database.add_status(time, id, *status); });
+  log([=](RunDatabase& database) { database.add_status(time, id, *status); });
   if (robot.goal == status->goal) return;
   robot.goal = status->goal;
-  rows_.emplace_back([=](RunDatabase& database) { database.add_goal(time, id, status->goal); });
+  log([=](RunDatabase& database) { database.add_goal(time, id, status->goal); });
 }
 
 void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
@@ -392,8 +397,8 @@ void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
   robot.to_acknowledge.push_back(sequence);
   if (finder_) return;
   finder_ = robot.record.robot;
-  rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot,
-                      target = found->target](RunDatabase& database) {
+  log([time = to_sql(now_us), id = robot.record.robot,
+       target = found->target](RunDatabase& database) {
     database.add_event(
         time, id, "found",
         "x_um " + std::to_string(target.x_um) + " y_um " + std::to_string(target.y_um));
@@ -409,7 +414,7 @@ void MapServer::take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us)
   robot.pose = pose;
   robot.pose_us = now_us;
   if (cell_um_) robot.cell = GridFrame(*cell_um_, {}).cell_at(pose.position);
-  rows_.emplace_back([time = to_sql(now_us), id = robot.record.robot, pose](RunDatabase& database) {
+  log([time = to_sql(now_us), id = robot.record.robot, pose](RunDatabase& database) {
     database.add_pose(time, id, pose);
   });
 }
@@ -438,24 +443,27 @@ void MapServer::commit(TimeUs now_us) {
   log_traffic_and_progress(now_us);
   forget_old_rows(now_us);
   if (unsaved_robots_.empty() && rows_.empty()) return;
-  database_.begin();
-  for (const auto& [robot, key] : unsaved_tiles_) {
-    database_.save_tile(robot, key, *map_.robot_tile(robot, key));
-  }
-  for (const TileKey& key : unsaved_first_seen_)
-    database_.save_first_seen(key, first_seen_.at(key));
-  for (const std::uint16_t robot : unsaved_robots_) {
-    database_.save_robot(robots_.at(robot).record);
-  }
-  for (const Row& row : rows_) row(database_);
-  database_.save_time(to_sql(now_us));
-  database_.commit();
+  if (database_ != nullptr) save(*database_, now_us);
   for (const std::uint16_t robot : unsaved_robots_) acknowledge_committed(robots_.at(robot));
   tell_others();
   unsaved_tiles_.clear();
   unsaved_first_seen_.clear();
   unsaved_robots_.clear();
   rows_.clear();
+}
+
+void MapServer::save(RunDatabase& database, TimeUs now_us) {
+  database.begin();
+  for (const auto& [robot, key] : unsaved_tiles_) {
+    database.save_tile(robot, key, *map_.robot_tile(robot, key));
+  }
+  for (const TileKey& key : unsaved_first_seen_) database.save_first_seen(key, first_seen_.at(key));
+  for (const std::uint16_t robot : unsaved_robots_) {
+    database.save_robot(robots_.at(robot).record);
+  }
+  for (const Row& row : rows_) row(database);
+  database.save_time(to_sql(now_us));
+  database.commit();
 }
 
 void MapServer::log_traffic_and_progress(TimeUs now_us) {
@@ -465,7 +473,7 @@ void MapServer::log_traffic_and_progress(TimeUs now_us) {
   for (auto& [id, robot] : robots_) {
     if (!robot.heard || robot.logged_traffic == robot.record.traffic) continue;
     robot.logged_traffic = robot.record.traffic;
-    rows_.emplace_back([time, id = id, traffic = robot.record.traffic](RunDatabase& database) {
+    log([time, id = id, traffic = robot.record.traffic](RunDatabase& database) {
       database.add_traffic(time, id, traffic);
     });
   }
@@ -473,15 +481,14 @@ void MapServer::log_traffic_and_progress(TimeUs now_us) {
   if (explored == logged_explored_ && obstacles == logged_obstacles_) return;
   logged_explored_ = explored;
   logged_obstacles_ = obstacles;
-  rows_.emplace_back(
-      [=](RunDatabase& database) { database.add_progress(time, explored, obstacles); });
+  log([=](RunDatabase& database) { database.add_progress(time, explored, obstacles); });
 }
 
 void MapServer::forget_old_rows(TimeUs now_us) {
   if (config_.retention_us == 0 || now_us < config_.retention_us) return;
   if (last_forget_us_ != 0 && now_us - last_forget_us_ < kForgetPeriodUs) return;
   last_forget_us_ = now_us;
-  rows_.emplace_back([before = to_sql(now_us - config_.retention_us)](RunDatabase& database) {
+  log([before = to_sql(now_us - config_.retention_us)](RunDatabase& database) {
     database.forget_before(before);
   });
 }

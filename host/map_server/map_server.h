@@ -97,6 +97,8 @@ class MapServer {
   // `epoch`: from RunDatabase::begin_session(). Goes on with the run that `database` holds.
   MapServer(RunDatabase& database, DatagramSender& sender, std::uint32_t epoch,
             const MapServerConfig& config = {});
+  // A server that keeps its map in memory only: it answers the same, and forgets all.
+  MapServer(DatagramSender& sender, std::uint32_t epoch, const MapServerConfig& config = {});
   MapServer(const MapServer&) = delete;
   MapServer& operator=(const MapServer&) = delete;
 
@@ -152,7 +154,7 @@ class MapServer {
   };
   using Row = std::function<void(RunDatabase&)>;
 
-  void load();
+  void load(RunDatabase& database);
   Robot* find_or_add(std::uint16_t id, TimeUs now_us);
   void count_in(Robot& robot, std::size_t size);
   bool is_present_start(Robot& robot, const DatagramHeader& header, TimeUs now_us);
@@ -180,6 +182,12 @@ class MapServer {
   void take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us);
 
   void commit(TimeUs now_us);
+  void save(RunDatabase& database, TimeUs now_us);
+  // Notes a row for the next commit.
+  template <typename Write>
+  void log(Write write) {
+    if (database_ != nullptr) rows_.emplace_back(std::move(write));
+  }
   void log_traffic_and_progress(TimeUs now_us);
   void forget_old_rows(TimeUs now_us);
   void acknowledge_committed(Robot& robot);
@@ -193,7 +201,7 @@ class MapServer {
   std::uint32_t send_to(Robot& robot, const PeerAddress& to, std::uint64_t receiver_boot,
                         MessageKind kind, std::size_t body_size);
 
-  RunDatabase& database_;
+  RunDatabase* database_ = nullptr;
   DatagramSender& sender_;
   std::uint32_t epoch_;
   MapServerConfig config_;

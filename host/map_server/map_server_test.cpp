@@ -52,6 +52,11 @@ class Team : public DatagramSender {
     const std::uint32_t epoch = database_->begin_session(0, 1.0);
     server_ = std::make_unique<MapServer>(*database_, *this, epoch);
   }
+  // In place of the one with a database, which has not heard anybody yet.
+  void start_server_without_database() {
+    stop_server();
+    server_ = std::make_unique<MapServer>(*this, 1);
+  }
   // Like kill -9: nothing is finished.
   void stop_server() {
     server_.reset();
@@ -162,6 +167,19 @@ class Team : public DatagramSender {
   std::unique_ptr<RunDatabase> database_;
   std::unique_ptr<MapServer> server_;
 };
+
+TEST(MapServer, SaysTheSameWithoutADatabase) {
+  const auto traffic_of = [](Team& team) {
+    team.visit(0, {0, 0, 10, 10});
+    team.set_obstacles(1, {-40, -40, 100, 1}, 1);
+    EXPECT_TRUE(team.settle(10 * kSecond));
+    team.expect_consistent("");
+    return team.server().counters().traffic;
+  };
+  Team keeping(2), forgetting(2);
+  forgetting.start_server_without_database();
+  EXPECT_EQ(traffic_of(forgetting), traffic_of(keeping));
+}
 
 TEST(MapServer, RobotsSeeWhatTheOthersSaw) {
   Team team(3);
