@@ -1,50 +1,76 @@
 #include "firmware/planning/frontier.h"
 
+#include <algorithm>
 #include <limits>
 
 namespace ivfm {
 
 namespace {
 
-// The cost of driving to an unseen cell that was not given up; kUnreachable for all others.
-std::uint16_t unseen_cost(const ExplorationMap& map, const ShortestPathMap& paths, Cell c) {
-  if (map.is_seen(c) || map.is_given_up(c)) return path::kUnreachable;
-  return paths.cost_at(map, c);
-}
-
 // What a region holds of unseen cells in reach.
 struct Region {
   CellRect rect;
   std::int64_t cells = 0, sum_x = 0, sum_y = 0;
-  std::int64_t nearest_cost = path::kUnreachable;
+  std::int32_t nearest_cost = path::kUnreachable;
+
+  Region united(const Region& o) const {
+    return {rect.united(o.rect), cells + o.cells, sum_x + o.sum_x, sum_y + o.sum_y,
+            std::min(nearest_cost, o.nearest_cost)};
+  }
 };
 
-Region survey(const ExplorationMap& map, const ShortestPathMap& paths, const CellRect& rect) {
+// A row of cells that a shortest path map covers.
+class UnseenRow {
+ public:
+  UnseenRow(const ExplorationMap& map, Cell first)
+      : layers_(map.layers()), first_(map.frame().index_of(first)) {}
+
+  // The cost of driving to the row's cell `x` if it is unseen and was not given up; kUnreachable
+  // for all others.
+  std::uint16_t cost(std::int32_t x) const {
+    const std::size_t i = first_ + static_cast<std::size_t>(x);
+    const bool ruled_out = (layers_.own_visits[i] | layers_.peer_visits[i] |
+                            (layers_.flags[i] & cell_flag::kGivenUp)) != 0;
+    return ruled_out ? path::kUnreachable : layers_.path_cost[i];
+  }
+
+ private:
+  const MapLayers& layers_;
+  std::size_t first_;
+};
+
+// Requires `rect` within paths.region().
+Region survey(const ExplorationMap& map, const CellRect& rect) {
   Region region{rect};
   for (std::int32_t y = rect.y; y < rect.top(); ++y) {
-    for (std::int32_t x = rect.x; x < rect.right(); ++x) {
-      const std::uint16_t cost = unseen_cost(map, paths, {x, y});
-      if (cost == path::kUnreachable) continue;
-      ++region.cells;
-      region.sum_x += x;
-      region.sum_y += y;
-      if (cost < region.nearest_cost) region.nearest_cost = cost;
+    const UnseenRow row(map, {rect.x, y});
+    std::int32_t cells = 0, sum_x = 0;  // from the rectangle's edge
+    for (std::int32_t x = 0; x < rect.width; ++x) {
+      const std::int32_t cost = row.cost(x);
+      cells += cost != path::kUnreachable ? 1 : 0;
+      sum_x += cost != path::kUnreachable ? x : 0;
+      region.nearest_cost = std::min(region.nearest_cost, cost);
     }
+    region.cells += cells;
+    region.sum_x += std::int64_t{cells} * rect.x + sum_x;
+    region.sum_y += std::int64_t{cells} * y;
   }
   return region;
 }
 
 // The unseen cell in reach that lies nearest to the middle of all of the region's.
-FrontierGoal middle_of(const ExplorationMap& map, const ShortestPathMap& paths,
-                       const Region& region) {
+FrontierGoal middle_of(const ExplorationMap& map, const Region& region) {
   FrontierGoal best{{}, {}, path::kUnreachable};
   std::int64_t best_distance = std::numeric_limits<std::int64_t>::max();
-  for (std::int32_t y = region.rect.y; y < region.rect.top(); ++y) {
-    for (std::int32_t x = region.rect.x; x < region.rect.right(); ++x) {
+  const CellRect& rect = region.rect;
+  for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+    const UnseenRow row(map, {rect.x, y});
+    const std::int64_t dy = y * region.cells - region.sum_y;
+    for (std::int32_t x = rect.x; x < rect.right(); ++x) {
+      const std::uint16_t cost = row.cost(x - rect.x);
+      if (cost == path::kUnreachable) continue;
       const std::int64_t dx = x * region.cells - region.sum_x;
-      const std::int64_t dy = y * region.cells - region.sum_y;
-      const std::uint16_t cost = unseen_cost(map, paths, {x, y});
-      if (cost == path::kUnreachable || dx * dx + dy * dy >= best_distance) continue;
+      if (dx * dx + dy * dy >= best_distance) continue;
       best_distance = dx * dx + dy * dy;
       best = {{x, y}, {x, y}, cost};
     }
@@ -128,23 +154,30 @@ bool has_reachable_frontier(const ExplorationMap& map, const ShortestPathMap& pa
 std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const ShortestPathMap& paths,
                                            std::int32_t side, std::int32_t least) {
   const CellRect all = paths.region();
+  const std::int32_t half = side / 2;
+  const auto half_at = [&](std::int32_t x, std::int32_t y) {
+    return survey(map, CellRect{x, y, half, side}.intersection(all));
+  };
   Region best;
-  for (std::int32_t y = all.y; y < all.top(); y += side / 2) {
-    for (std::int32_t x = all.x; x < all.right(); x += side / 2) {
-      Region region = survey(map, paths, CellRect{x, y, side, side}.intersection(all));
+  for (std::int32_t y = all.y; y < all.top(); y += half) {
+    Region right = half_at(all.x, y);
+    for (std::int32_t x = all.x; x < all.right(); x += half) {
+      const Region left = right;
+      right = half_at(x + half, y);
+      Region region = left.united(right);
       if (region.cells < least) continue;
-      region.nearest_cost += side / 2 * path::kStraight;
+      region.nearest_cost += half * path::kStraight;
       if (region.cells * best.nearest_cost <= best.cells * region.nearest_cost) continue;
       best = region;
     }
   }
   if (best.cells == 0) return std::nullopt;
-  return middle_of(map, paths, best);
+  return middle_of(map, best);
 }
 
 std::int32_t count_reachable_unseen(const ExplorationMap& map, const ShortestPathMap& paths,
                                     const CellRect& rect) {
-  return static_cast<std::int32_t>(survey(map, paths, rect).cells);
+  return static_cast<std::int32_t>(survey(map, rect.intersection(paths.region())).cells);
 }
 
 }  // namespace ivfm

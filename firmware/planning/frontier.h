@@ -49,10 +49,10 @@ std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
                                              std::int32_t stand_off, int min_size);
 
 // Where most is left to see for the way there, for robots that may drive into the unknown: the
-// region of `side` x `side` cells with the most unseen cells in reach, divided by the path to the
-// nearest of them and half a region more. Regions overlap by half. `frontier` and `stand` are the
-// unseen cell nearest to the middle of the region's unseen cells. No value when every region holds
-// fewer than `least` such cells. Ties: lowest row, then column.
+// region of `side` x `side` cells (an even number) with the most unseen cells in reach, divided by
+// the path to the nearest of them and half a region more. Regions overlap by half. `frontier` and
+// `stand` are the unseen cell nearest to the middle of the region's unseen cells. No value when
+// every region holds fewer than `least` such cells. Ties: lowest row, then column.
 std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const ShortestPathMap& paths,
                                            std::int32_t side, std::int32_t least);
 

@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
+#include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -104,6 +107,63 @@ TEST(RichestRegion, LeavesOutWhatIsOutOfReachOrGivenUp) {
   world.map.set_flag({1, 1}, cell_flag::kGivenUp);
   world.map.set_flag({2, 1}, cell_flag::kGivenUp);
   EXPECT_EQ(richest_region(world.map, world.paths, 4, 1), std::nullopt);
+}
+
+// The definition, cell by cell.
+std::optional<FrontierGoal> richest_by_definition(const Drawn& world, std::int32_t side,
+                                                  std::int32_t least) {
+  const auto cells_of = [&](const CellRect& rect) {
+    std::vector<Cell> cells;
+    for (std::int32_t y = rect.y; y < rect.top(); ++y) {
+      for (std::int32_t x = rect.x; x < rect.right(); ++x) {
+        const Cell c{x, y};
+        if (world.map.is_seen(c) || world.map.is_given_up(c)) continue;
+        if (world.paths.cost_at(world.map, c) != path::kUnreachable) cells.push_back(c);
+      }
+    }
+    return cells;
+  };
+  const auto cost = [&](Cell c) { return world.paths.cost_at(world.map, c); };
+  std::vector<Cell> best;
+  double best_worth = 0;
+  for (std::int32_t y = 0; y < world.region.top(); y += side / 2) {
+    for (std::int32_t x = 0; x < world.region.right(); x += side / 2) {
+      const std::vector<Cell> cells = cells_of({x, y, side, side});
+      if (cells.empty() || static_cast<std::int32_t>(cells.size()) < least) continue;
+      const int nearest = cost(std::ranges::min(cells, {}, cost));
+      const double worth = static_cast<double>(cells.size()) / (nearest + 12 * side / 2);
+      if (worth <= best_worth) continue;
+      best_worth = worth;
+      best = cells;
+    }
+  }
+  if (best.empty()) return std::nullopt;
+  const auto n = static_cast<std::int32_t>(best.size());
+  std::int32_t sum_x = 0, sum_y = 0;
+  for (const Cell& c : best) sum_x += c.x, sum_y += c.y;
+  const Cell middle = std::ranges::min(best, {}, [&](Cell c) {
+    return (c.x * n - sum_x) * (c.x * n - sum_x) + (c.y * n - sum_y) * (c.y * n - sum_y);
+  });
+  return FrontierGoal{middle, middle, cost(middle)};
+}
+
+TEST(RichestRegion, IsWhatItsDefinitionSaysOnRandomMaps) {
+  std::minstd_rand random(7);
+  for (int round = 0; round < 100; ++round) {
+    std::vector<std::string> rows(9 + random() % 20, std::string(9 + random() % 20, ' '));
+    for (std::string& row : rows) {
+      for (char& cell : row) cell = random() % 9 == 0 ? '#' : random() % 3 == 0 ? '.' : ' ';
+    }
+    rows.back()[0] = '.';
+    Drawn world(rows);
+    world.map.set_flag({4, 4}, cell_flag::kGivenUp);
+    world.paths.compute(world.map, {0, 0}, world.region);
+    const std::int32_t side = 2 + 2 * static_cast<std::int32_t>(random() % 5);
+    const auto least = static_cast<std::int32_t>(random() % 9);
+    ASSERT_EQ(richest_region(world.map, world.paths, side, least),
+              richest_by_definition(world, side, least))
+        << round;
+  }
 }
 
 TEST(View, CountsUnseenCellsInReachAsADiscDoesAndNothingBehindWalls) {
