@@ -1,6 +1,7 @@
 #include "firmware/mapping/shortest_path_map.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace ivfm {
 
@@ -9,19 +10,26 @@ namespace {
 // While the map is computed, cells that cannot be stood on carry this instead of kUnreachable.
 constexpr std::uint16_t kWall = 0xfffe;
 
+// Directions count counterclockwise from east: straight ones are even.
 struct Step {
   std::int32_t dx, dy;
   std::uint16_t cost;
 };
 
-constexpr std::array<Step, 8> kSteps{{{1, 0, path::kStraight},
-                                      {-1, 0, path::kStraight},
-                                      {0, 1, path::kStraight},
-                                      {0, -1, path::kStraight},
-                                      {1, 1, path::kDiagonal},
-                                      {-1, 1, path::kDiagonal},
-                                      {1, -1, path::kDiagonal},
-                                      {-1, -1, path::kDiagonal}}};
+constexpr std::uint32_t kDirections = 8;
+constexpr std::array<Step, kDirections> kSteps{{{1, 0, path::kStraight},
+                                                {1, 1, path::kDiagonal},
+                                                {0, 1, path::kStraight},
+                                                {-1, 1, path::kDiagonal},
+                                                {-1, 0, path::kStraight},
+                                                {-1, -1, path::kDiagonal},
+                                                {0, -1, path::kStraight},
+                                                {1, -1, path::kDiagonal}}};
+
+// A queued cell: its index, and above that the direction of the step that reached it.
+constexpr int kDirectionShift = 28;
+constexpr std::uint32_t kIndexMask = (1u << kDirectionShift) - 1;
+constexpr std::uint32_t kNoDirection = kDirections;
 
 }  // namespace
 
@@ -131,11 +139,14 @@ std::uint16_t ShortestPathMap::escape_clearance(const ExplorationMap& map,
 
 void ShortestPathMap::run(ExplorationMap& map) {
   const auto start = static_cast<std::uint32_t>(map.frame().index_of(robot_));
+  for (std::uint32_t i = 0; i < kDirections; ++i) {
+    offsets_[i] = kSteps[i].dy * map.frame().width() + kSteps[i].dx;
+  }
   sizes_.fill(0);
   queued_ = 0;
   overflowed_ = false;
   map.layers().path_cost[start] = 0;
-  push(start, 0);
+  push(start, kNoDirection, 0);
   std::uint32_t current = 0;
   while (queued_ > 0 || overflowed_) {
     if (queued_ == 0) {  // some cells did not fit the queue: find what they left undone
@@ -144,46 +155,80 @@ void ShortestPathMap::run(ExplorationMap& map) {
       if (queued_ == 0 && !overflowed_) break;
       current = 0;
     }
-    std::uint32_t& size = sizes_[current % kBuckets];
-    while (size > 0) {
-      const std::uint32_t index = entries_[(current % kBuckets) * capacity_ + --size];
-      --queued_;
-      settle(map, index, map.layers().path_cost[index]);
-    }
-    ++current;
+    drain(map, current++ % kBuckets);
   }
 }
 
-bool ShortestPathMap::push(std::uint32_t index, std::uint16_t cost) {
+// Settles the cells of a bucket. No step is as long as the ring, so none comes back into it.
+void ShortestPathMap::drain(ExplorationMap& map, std::uint32_t bucket) {
+  const std::uint16_t* const costs = map.layers().path_cost.data();
+  const std::uint32_t* const entries = entries_.data() + bucket * capacity_;
+  const std::uint32_t size = std::exchange(sizes_[bucket], 0);
+  queued_ -= size;
+  for (std::uint32_t i = size; i-- > 0;) {
+    const std::uint32_t index = entries[i] & kIndexMask;
+    if (costs[index] % kBuckets != bucket) continue;  // reached for less since
+    settle(map, index, entries[i] >> kDirectionShift);
+  }
+}
+
+inline void ShortestPathMap::push(std::uint32_t index, std::uint32_t direction,
+                                  std::uint16_t cost) {
   std::uint32_t& size = sizes_[cost % kBuckets];
   if (size == capacity_) {
     overflowed_ = true;
-    return false;
+    return;
   }
-  entries_[(cost % kBuckets) * capacity_ + size++] = index;
+  entries_[(cost % kBuckets) * capacity_ + size++] = index | direction << kDirectionShift;
   ++queued_;
-  return true;
 }
 
-void ShortestPathMap::settle(ExplorationMap& map, std::uint32_t index, std::uint16_t cost) {
+// Goes on from a cell that was reached by a step in `direction`. On open ground most of its
+// neighbours are reached from the cell before it for no more, past this one: those are left out,
+// as in jump point search (Harabor and Grastien 2011). A straight step goes on straight, a diagonal
+// one also along its two parts; where the ground beside is not open, also around that corner.
+void ShortestPathMap::settle(ExplorationMap& map, std::uint32_t index, std::uint32_t direction) {
   std::uint16_t* const costs = map.layers().path_cost.data();
   const std::uint8_t* const inflation = map.layers().inflation.data();
-  const std::int32_t stride = map.frame().width();
-  for (const Step& step : kSteps) {
-    const auto next =
-        static_cast<std::uint32_t>(static_cast<std::int32_t>(index) + step.dy * stride + step.dx);
-    const auto through = static_cast<std::uint32_t>(cost) + step.cost;
-    if (costs[next] == kWall || through >= costs[next] || through > path::kLongest) continue;
+  const std::uint32_t here = costs[index];
+  const auto neighbour = [&](std::uint32_t to) {
+    return static_cast<std::uint32_t>(static_cast<std::int32_t>(index) + offsets_[to]);
+  };
+  const auto is_open = [&](std::uint32_t to) {
+    const std::uint32_t next = neighbour(to % kDirections);
+    return costs[next] != kWall && inflation[next] == 0;
+  };
+  const auto go = [&](std::uint32_t to) {
+    to %= kDirections;
+    const std::uint32_t next = neighbour(to), cost = here + kSteps[to].cost;
+    if (cost >= costs[next] || costs[next] == kWall || cost > path::kLongest) return;
     if (inflation[next] == 0) {
       left_blocked_ground_ = true;
-    } else if (leaves_outwards_only_ &&
-               (inflation[index] == 0 ||
-                escape_clearance(map, next) <= escape_clearance(map, index))) {
-      continue;
+    } else if (leaves_outwards_only_ && !leads_outwards(map, index, next)) {
+      return;
     }
-    costs[next] = static_cast<std::uint16_t>(through);
-    push(next, static_cast<std::uint16_t>(through));
+    costs[next] = static_cast<std::uint16_t>(cost);
+    push(next, to, static_cast<std::uint16_t>(cost));
+  };
+  if (direction == kNoDirection || inflation[index] != 0) {
+    for (std::uint32_t to = 0; to < kDirections; ++to) go(to);
+    return;
   }
+  go(direction);
+  std::uint32_t side = 2;  // how far the ground beside the step's start lies to the left and right
+  if (direction % 2 != 0) {
+    go(direction + 1);
+    go(direction - 1);
+    side = 3;
+  }
+  if (!is_open(direction + side)) go(direction + side - 1);
+  if (!is_open(direction - side)) go(direction - side + 1);
+}
+
+bool ShortestPathMap::leads_outwards(const ExplorationMap& map, std::uint32_t from,
+                                     std::uint32_t to) const {
+  return map.layers().inflation[from] != 0 &&
+         escape_clearance(map, to) > escape_clearance(map, from);
 }
 
 void ShortestPathMap::relax_from_all(ExplorationMap& map) {
@@ -192,7 +237,7 @@ void ShortestPathMap::relax_from_all(ExplorationMap& map) {
     for (std::int32_t x = region_.x; x < region_.right(); ++x) {
       const std::size_t i = frame.index_of({x, y});
       const std::uint16_t cost = map.layers().path_cost[i];
-      if (cost <= path::kLongest) settle(map, static_cast<std::uint32_t>(i), cost);
+      if (cost <= path::kLongest) settle(map, static_cast<std::uint32_t>(i), kNoDirection);
     }
   }
 }

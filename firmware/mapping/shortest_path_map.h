@@ -70,8 +70,10 @@ class ShortestPathMap {
 
   void measure_escape(const ExplorationMap& map, const CellRect& around);
   std::uint16_t escape_clearance(const ExplorationMap& map, std::uint32_t index) const;
-  bool push(std::uint32_t index, std::uint16_t cost);
-  void settle(ExplorationMap& map, std::uint32_t index, std::uint16_t cost);
+  void drain(ExplorationMap& map, std::uint32_t bucket);
+  void push(std::uint32_t index, std::uint32_t direction, std::uint16_t cost);
+  void settle(ExplorationMap& map, std::uint32_t index, std::uint32_t direction);
+  bool leads_outwards(const ExplorationMap& map, std::uint32_t from, std::uint32_t to) const;
   void relax_from_all(ExplorationMap& map);
   void run(ExplorationMap& map);
 
@@ -79,6 +81,7 @@ class ShortestPathMap {
   std::span<std::uint32_t> entries_;
   std::size_t capacity_;
   std::array<std::uint32_t, kBuckets> sizes_{};
+  std::array<std::int32_t, 8> offsets_{};  // of the neighbours' indices
   std::size_t queued_ = 0;
   bool overflowed_ = false;
   bool leaves_outwards_only_ = true;  // blocked cells lead only to cells further from obstacles

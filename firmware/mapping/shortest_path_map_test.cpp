@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -120,6 +121,51 @@ TEST(ShortestPathMap, AQueueThatOverflowsStillFindsEveryCost) {
   for (std::int32_t y = 0; y < 31; ++y) {
     for (std::int32_t x = 0; x < 31; ++x) {
       ASSERT_EQ(tiny.paths.cost_at(tiny.map, {x, y}), roomy.paths.cost_at(roomy.map, {x, y}));
+    }
+  }
+}
+
+// Costs over the cells that can be stood on, by relaxing all steps until nothing changes.
+std::vector<std::uint16_t> relaxed_costs(const Drawn<>& world, Cell robot) {
+  const CellRect& region = world.region;
+  const auto index = [&](Cell c) { return static_cast<std::size_t>(c.y * region.width + c.x); };
+  std::vector<std::uint16_t> costs(static_cast<std::size_t>(region.area()), path::kUnreachable);
+  costs[index(robot)] = 0;
+  for (bool changes = true; changes;) {
+    changes = false;
+    for (std::int32_t i = 0; i < 9 * region.area(); ++i) {
+      const Cell from{i / 9 % region.width, i / 9 / region.width};
+      const Cell to{from.x + i % 9 % 3 - 1, from.y + i % 9 / 3 - 1};
+      if (costs[index(from)] == path::kUnreachable || !region.contains(to)) continue;
+      if (!world.paths.is_traversable(world.map, to)) continue;
+      const bool diagonal = from.x != to.x && from.y != to.y;
+      const int cost = costs[index(from)] + (diagonal ? path::kDiagonal : path::kStraight);
+      if (cost >= costs[index(to)]) continue;
+      costs[index(to)] = static_cast<std::uint16_t>(cost);
+      changes = true;
+    }
+  }
+  return costs;
+}
+
+TEST(ShortestPathMap, EveryCostIsTheLeastOnRandomMaps) {
+  std::minstd_rand random(11);
+  for (int round = 0; round < 200; ++round) {
+    std::vector<std::string> rows(5 + random() % 25, std::string(5 + random() % 25, '.'));
+    const auto one_in = 3 + random() % 20;
+    for (std::string& row : rows) {
+      for (char& cell : row) cell = random() % one_in == 0 ? '#' : '.';
+    }
+    Drawn world(rows, {}, round % 2 == 0 ? 1'000 : 75'000);
+    const Cell robot{static_cast<std::int32_t>(random()) % world.region.width,
+                     static_cast<std::int32_t>(random()) % world.region.height};
+    if (!world.paths.is_traversable(world.map, robot)) continue;
+    world.paths.compute(world.map, robot, world.region);
+    const std::vector<std::uint16_t> costs = relaxed_costs(world, robot);
+    for (std::size_t i = 0; i < costs.size(); ++i) {
+      const auto at = static_cast<std::int32_t>(i);
+      const Cell c{at % world.region.width, at / world.region.width};
+      ASSERT_EQ(world.paths.cost_at(world.map, c), costs[i]) << round << ": " << c.x << ' ' << c.y;
     }
   }
 }
