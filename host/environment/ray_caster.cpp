@@ -43,6 +43,26 @@ double enter_box(double px, double py, double dx, double dy, double x0, double y
   return -in <= out ? 0 : kNever;  // inside: nearer to the entry means it is driving in
 }
 
+// A cell's clearance is at most one more than its neighbour's. Here for a row of `width` cells and
+// the three neighbours of each in the row beside it.
+void lower_by_row(const std::uint8_t* beside, std::uint8_t* row, std::int64_t width) {
+  for (std::int64_t x = 0; x < width; ++x) {
+    const std::uint8_t ends = beside[x - 1] < beside[x + 1] ? beside[x - 1] : beside[x + 1];
+    const std::uint8_t least = ends < beside[x] ? ends : beside[x];
+    const auto limit = static_cast<std::uint8_t>(least + (least < 255 ? 1 : 0));
+    row[x] = row[x] < limit ? row[x] : limit;
+  }
+}
+
+// The same along a row that begins beside an obstacle.
+void lower_along(std::uint8_t* cell, std::int64_t width, std::int64_t step) {
+  int limit = 0;
+  for (std::int64_t i = 0; i < width; ++i, cell += step) {
+    limit = std::min<int>(*cell, limit + 1);
+    *cell = static_cast<std::uint8_t>(limit);
+  }
+}
+
 }  // namespace
 
 double travel_until_box_um(Point from, Point to, std::int32_t radius_um, double x0, double y0,
@@ -76,6 +96,7 @@ RayCaster::RayCaster(std::shared_ptr<const World> world) : world_(std::move(worl
 }
 
 // Two passes of the chessboard distance transform (Rosenfeld and Pfaltz 1966), saturating at 255.
+// In each row first what comes from the row before, for all cells at once, then along the row.
 void RayCaster::build_clearance() {
   const std::int64_t w = world_->width, h = world_->height;
   stride_ = w + 2;
@@ -84,25 +105,13 @@ void RayCaster::build_clearance() {
     const std::uint8_t* source = &world_->occupied[static_cast<std::size_t>(y * w)];
     std::uint8_t* row = &clearance_[padded_index(0, y)];
     for (std::int64_t x = 0; x < w; ++x) row[x] = source[x] != 0 ? 0 : 255;
-  }
-  const auto lower = [](std::uint8_t& cell, std::uint8_t a, std::uint8_t b, std::uint8_t c,
-                        std::uint8_t d) {
-    const int nearest = std::min(std::min<int>(a, b), std::min<int>(c, d)) + 1;
-    if (nearest < cell) cell = static_cast<std::uint8_t>(nearest);
-  };
-  for (std::int64_t y = 0; y < h; ++y) {
-    std::uint8_t* row = &clearance_[padded_index(0, y)];
-    const std::uint8_t* below = row - stride_;
-    for (std::int64_t x = 0; x < w; ++x) {
-      lower(row[x], row[x - 1], below[x - 1], below[x], below[x + 1]);
-    }
+    lower_by_row(row - stride_, row, w);
+    lower_along(row, w, 1);
   }
   for (std::int64_t y = h - 1; y >= 0; --y) {
     std::uint8_t* row = &clearance_[padded_index(0, y)];
-    const std::uint8_t* above = row + stride_;
-    for (std::int64_t x = w - 1; x >= 0; --x) {
-      lower(row[x], row[x + 1], above[x - 1], above[x], above[x + 1]);
-    }
+    lower_by_row(row + stride_, row, w);
+    lower_along(row + w - 1, w, -1);
   }
 }
 
