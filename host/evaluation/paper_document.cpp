@@ -25,7 +25,7 @@ constexpr const char* kLegend =
     "MiB (wire): every datagram of our link, both ways and of all robots (evaluation.md). PE of an "
     "episode that finds its target after a few centimetres is huge, which lifts a mean. In "
     "the corridor the network alone decides, as in arenas, what counts as seen lies up to 1.2 m "
-    "away within 150 degrees ahead, and PE scales areas and lengths by the local map's width, 4.8 "
+    "away within 135 degrees ahead, and PE scales areas and lengths by the local map's width, 4.8 "
     "m, to 1 m; these rows have an ideal lidar and exact poses (training.md has some with noise "
     "and drift).\n";
 

@@ -121,7 +121,7 @@ WorldOptions options_for(const std::string& world) {
   if (world == "corridor") {
     options.sensor_range_m = 6;
     options.visit_range_m = 1.2;
-    options.visit_fov_deg = 150;
+    options.visit_fov_deg = 135;
     options.network_decides = true;
   }
   return options;
