@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <memory>
 
-#include "host/trainer/exploration_slot.h"
 #include "host/environment/parallel.h"
+#include "host/trainer/exploration_slot.h"
 
 namespace ivfm::host {
 namespace {
