@@ -248,11 +248,6 @@ double DemoRun::explorable_m2() const {
   return static_cast<double>(meter_.explorable_cells()) * (kCellUm / 1e6) * (kCellUm / 1e6);
 }
 
-double DemoRun::local_map_width_m() const {
-  const auto visit_range_um = static_cast<std::int32_t>(std::lround(options_.visit_range_m * 1e6));
-  return 1e-6 * ExplorerConfig::lidar(visit_range_um, kCellUm).local_map_um(kCellUm);
-}
-
 double DemoRun::real_seconds() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
 }
@@ -514,7 +509,7 @@ void DemoRun::print_table(const DemoResult& result) const {
                 bytes_text(agent.bytes_received).c_str(), agent.slowest_decision_ms);
   }
   const RunScores& scores = result.scores;
-  const double local_map_m = local_map_width_m();
+  const double local_map_m = local_map_width_m(options_.visit_range_m, kCellUm);
   std::printf("\n%.1f %% explored in %.0f s, RER %.2f, PE %.0f, overlap %.1f %%\n",
               scores.coverage * 100, result.simulated_s, scores.repeat_rate,
               scores.pixels_per_metre, scores.overlap * 100);

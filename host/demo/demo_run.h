@@ -104,7 +104,6 @@ class DemoRun {
   void write_report(const DemoResult& result, const cv::Mat& map) const;
   void print_table(const DemoResult& result) const;
   double explorable_m2() const;
-  double local_map_width_m() const;
   double real_seconds() const;
 
   DemoOptions options_;

@@ -47,7 +47,9 @@ class RehearsedRobot {
         rays_(world.world, options.lidar, seed_of(options, number, 1)),
         agent_(std::make_unique<AgentFor<RobotProfile>>(
             config_, AgentPorts{serial_, wire_.end(0), radio_, clock_})) {
-    rplidar_.set_beam_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
+    rplidar_.set_beam_source([this](TimeUs, std::span<ScanPoint> beams) {
+      rays_.measure(body_.pose(), beams, others_, body_.shape().radius_m);
+    });
     serial_.set_now(kBeginUs);
     if (options.model.empty()) return;
     const ModelStatus loaded = agent_->load_model(options.model);
@@ -86,24 +88,11 @@ class RehearsedRobot {
     return config;
   }
 
-  void measure(std::span<ScanPoint> beams) {
-    for (ScanPoint& beam : beams) {
-      const LidarSample sample =
-          rays_.measure(body_.pose(), beam.bearing.radians(), others_, body_.shape().radius_m);
-      beam.range_mm = sample.range_mm;
-      beam.quality = sample.quality;
-      beam.echo = sample.range_mm > 0 ? Echo::kHit : Echo::kNothing;
-    }
-  }
-
   void roll_wheels() {
     const WheelGeometry& wheels = config_.wheels.geometry;
     const double metres_per_count = wheels.wheel_circumference_um * 1e-6 / wheels.counts_per_turn;
-    const double left = left_.ground_position(), right = right_.ground_position();
-    body_.roll((left - left_counts_) * metres_per_count, (right - right_counts_) * metres_per_count,
-               world_.world, others_);
-    left_counts_ = left;
-    right_counts_ = right;
+    body_.roll_to(left_.ground_position(), right_.ground_position(), metres_per_count, world_.world,
+                  others_);
   }
 
   const PreparedWorld& world_;
@@ -117,7 +106,6 @@ class RehearsedRobot {
   DriveGroup drives_{wire_.end(1), {&left_, &right_}};
   RadioQueue radio_;
   SimulatedClock clock_;
-  double left_counts_ = 0, right_counts_ = 0;
   std::vector<TruePose> others_;
   std::unique_ptr<AgentFor<RobotProfile>> agent_;
 };

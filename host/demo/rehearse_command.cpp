@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "firmware/agent/profile.h"
-#include "firmware/planning/explorer.h"
 #include "host/cli/progress_line.h"
 #include "host/cli/shipped_model.h"
 #include "host/demo/rehearsal.h"
@@ -34,14 +33,6 @@ struct CommandOptions {
   int episodes = 10;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 };
-
-// The paper's metre is the width of its local map (method.md, "How good").
-double local_map_width_m(const AgentOptions& agent) {
-  const auto range_um = static_cast<std::int32_t>(std::lround(agent.visit_range_m * 1e6));
-  return ExplorerConfig::lidar(range_um, RobotProfile::kCellUm)
-             .local_map_um(RobotProfile::kCellUm) *
-         1e-6;
-}
 
 struct Column {
   const char* name;
@@ -71,7 +62,8 @@ void print_row(const std::string& name, const std::vector<double>& values) {
 }
 
 void print(const std::vector<RehearsalResult>& results, const CommandOptions& options) {
-  const double width_m = local_map_width_m(options.rehearsal.agent);
+  const double width_m =
+      local_map_width_m(options.rehearsal.agent.visit_range_m, RobotProfile::kCellUm);
   std::printf("%-10s", "seed");
   for (const Column& column : kColumns) std::printf(" %11s", column.name);
   std::printf("\n");

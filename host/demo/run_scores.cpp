@@ -1,8 +1,10 @@
 #include "host/demo/run_scores.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
+#include "firmware/planning/explorer.h"
 #include "host/simulator/robot_body.h"
 #include "host/simulator/world_region.h"
 
@@ -59,6 +61,11 @@ RunScores score_run(const LayerMap& merged, std::span<const LayerMap> robots,
   RunScores scores = score_maps(merged, robots, driven_m);
   scores.coverage = meter.share_visited(merged);
   return scores;
+}
+
+double local_map_width_m(double visit_range_m, std::int32_t cell_um) {
+  const auto visit_range_um = static_cast<std::int32_t>(std::lround(visit_range_m * 1e6));
+  return 1e-6 * ExplorerConfig::lidar(visit_range_um, cell_um).local_map_um(cell_um);
 }
 
 std::uint64_t count_ghosts(const LayerMap& merged, const World& world) {

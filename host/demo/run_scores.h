@@ -44,6 +44,9 @@ struct RunScores {
   double pixels_per_metre = 0;  // PE: visited area in pixels of 1/128 m per metre driven
 };
 
+// Of a robot with a lidar; the paper's metre in PE (method.md, "How good").
+double local_map_width_m(double visit_range_m, std::int32_t cell_um);
+
 // Obstacle cells more than 0.25 m from everything that stands in the world: what moved, or a robot
 // that was not where it believed to be.
 std::uint64_t count_ghosts(const LayerMap& merged, const World& world);

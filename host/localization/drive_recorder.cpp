@@ -123,11 +123,7 @@ class Recorder {
     drives_.step(clock_.now);
     const double metres_per_count =
         log_.wheels.wheel_circumference_um * 1e-6 / log_.wheels.counts_per_turn;
-    const double left = left_.ground_position(), right = right_.ground_position();
-    body_.roll((left - left_counts_) * metres_per_count, (right - right_counts_) * metres_per_count,
-               *world_, {});
-    left_counts_ = left;
-    right_counts_ = right;
+    body_.roll_to(left_.ground_position(), right_.ground_position(), metres_per_count, *world_, {});
     serial_.set_now(clock_.now);
     if (clock_.now % kStepUs != 0) return;
     agent_->step(clock_.now);
@@ -178,7 +174,6 @@ class Recorder {
   DriveGroup drives_{wire_.end(1), {&left_, &right_}};
   SilentRadio radio_;
   SimulatedClock clock_;
-  double left_counts_ = 0, right_counts_ = 0;
   TimeUs positions_us_ = 0;
   TruePose sampled_;  // at the last step, when the drives took the positions that come next
   DriveLog log_;

@@ -3,7 +3,6 @@
 #include <netinet/in.h>
 
 #include <algorithm>
-#include <utility>
 
 namespace ivfm::host {
 namespace {
@@ -15,11 +14,6 @@ PeerAddress address_of(std::size_t robot) {
   address.size = sizeof(sockaddr_in);
   reinterpret_cast<sockaddr_in*>(&address.storage)->sin_port = static_cast<in_port_t>(robot);
   return address;
-}
-
-RunDatabase& begun(RunDatabase& database) {
-  database.begin_session(0, 1);
-  return database;
 }
 
 }  // namespace
@@ -36,8 +30,6 @@ Status RadioQueue::send(std::span<const std::uint8_t> datagram) {
   from_robot.emplace_back(datagram.begin(), datagram.end());
   return Status::kOk;
 }
-
-TeamRadio::TeamRadio() : database_(":memory:"), server_(begun(database_), *this, 1) {}
 
 void TeamRadio::send(const PeerAddress& to, std::span<const std::uint8_t> datagram) {
   const auto kind = static_cast<MessageKind>(datagram[kSealHeaderBytes]);  // nothing is encrypted

@@ -21,11 +21,9 @@ class RadioQueue final : public DatagramSocket {
   std::vector<Datagram> to_robot, from_robot;
 };
 
-// The server of a run that is forgotten.
+// The server, without a database: the run is forgotten.
 class TeamRadio final : public DatagramSender {
  public:
-  TeamRadio();
-
   // One robot more. The queue must outlive this object.
   void add(RadioQueue& robot) { robots_.push_back(&robot); }
   void send(const PeerAddress& to, std::span<const std::uint8_t> datagram) override;
@@ -38,8 +36,7 @@ class TeamRadio final : public DatagramSender {
 
  private:
   std::vector<RadioQueue*> robots_;
-  RunDatabase database_;
-  MapServer server_;
+  MapServer server_{*this, 1};
   std::optional<MessageKind> withheld_;
 };
 

@@ -82,4 +82,14 @@ LidarSample MrptLidar::measure(const TruePose& robot, double bearing_rad,
   return {static_cast<std::uint16_t>(std::lround(measured_mm)), quality};
 }
 
+void MrptLidar::measure(const TruePose& robot, std::span<ScanPoint> beams,
+                        std::span<const TruePose> others, double other_radius_m) {
+  for (ScanPoint& beam : beams) {
+    const LidarSample sample = measure(robot, beam.bearing.radians(), others, other_radius_m);
+    beam.range_mm = sample.range_mm;
+    beam.quality = sample.quality;
+    beam.echo = sample.range_mm > 0 ? Echo::kHit : Echo::kNothing;
+  }
+}
+
 }  // namespace ivfm::host

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "firmware/lidar/scan.h"
 #include "host/environment/world.h"
 #include "host/simulator/robot_body.h"
 
@@ -44,6 +45,10 @@ class MrptLidar {
   // the middles of the other robots, discs of `other_radius_m`.
   LidarSample measure(const TruePose& robot, double bearing_rad, std::span<const TruePose> others,
                       double other_radius_m);
+
+  // The same for each beam's bearing: fills in what the device tells of it.
+  void measure(const TruePose& robot, std::span<ScanPoint> beams, std::span<const TruePose> others,
+               double other_radius_m);
 
   // The true distance along that beam in metres; infinity beyond the largest range.
   double true_range_m(const TruePose& robot, double bearing_rad, std::span<const TruePose> others,

@@ -35,6 +35,15 @@ RobotBody::RobotBody(const BodyShape& shape, const TruePose& start, const Odomet
   shape_.wheel_base_m *= 1 + noise.wheel_base_error * normal(random_);
 }
 
+void RobotBody::roll_to(double left_counts, double right_counts, double metres_per_count,
+                        const World& world, std::span<const TruePose> others) {
+  const double left_m = (left_counts - left_counts_) * metres_per_count;
+  const double right_m = (right_counts - right_counts_) * metres_per_count;
+  left_counts_ = left_counts;
+  right_counts_ = right_counts;
+  roll(left_m, right_m, world, others);
+}
+
 void RobotBody::roll(double left_m, double right_m, const World& world,
                      std::span<const TruePose> others) {
   std::normal_distribution<double> normal;

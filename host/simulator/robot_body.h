@@ -53,6 +53,10 @@ class RobotBody {
   // the middles of the other robots, of the same shape. Small steps: at most 5 mm each.
   void roll(double left_m, double right_m, const World& world, std::span<const TruePose> others);
 
+  // The same to the encoders' next reading, in counts; they begin at 0.
+  void roll_to(double left_counts, double right_counts, double metres_per_count, const World& world,
+               std::span<const TruePose> others);
+
   const TruePose& pose() const { return pose_; }
   const BodyShape& shape() const { return shape_; }
   double travelled_m() const { return travelled_m_; }  // distance the middle really moved
@@ -67,6 +71,7 @@ class RobotBody {
   double left_scale_ = 1;
   double right_scale_ = 1;
   double slip_m_per_sqrt_m_ = 0;
+  double left_counts_ = 0, right_counts_ = 0;
   double travelled_m_ = 0;
   int collisions_ = 0;
   bool in_contact_ = false;

@@ -67,16 +67,9 @@ void SimulatedRobot::step(TimeUs now_us, std::span<const TruePose> others) {
   others_.assign(others.begin(), others.end());
   apply_faults(now_us);
   drives_.step(now_us);
-  roll_wheels(others);
+  body_.roll_to(left_.ground_position(), right_.ground_position(), metres_per_count_, world_,
+                others);
   terminal_.step(now_us);
-}
-
-void SimulatedRobot::roll_wheels(std::span<const TruePose> others) {
-  const double left_m = (left_.ground_position() - left_counts_) * metres_per_count_;
-  const double right_m = (right_.ground_position() - right_counts_) * metres_per_count_;
-  left_counts_ = left_.ground_position();
-  right_counts_ = right_.ground_position();
-  body_.roll(left_m, right_m, world_, others);
 }
 
 void SimulatedRobot::apply_faults(TimeUs now_us) {
@@ -109,13 +102,7 @@ void SimulatedRobot::apply_faults(TimeUs now_us) {
 }
 
 void SimulatedRobot::measure(TimeUs now_us, std::span<ScanPoint> beams) {
-  for (ScanPoint& beam : beams) {
-    const LidarSample sample =
-        rays_.measure(body_.pose(), beam.bearing.radians(), others_, body_.shape().radius_m);
-    beam.range_mm = sample.range_mm;
-    beam.quality = sample.quality;
-    beam.echo = sample.range_mm > 0 ? Echo::kHit : Echo::kNothing;
-  }
+  rays_.measure(body_.pose(), beams, others_, body_.shape().radius_m);
   if (recorder_ != nullptr) recorder_->take(now_us, body_.pose(), beams);
 }
 

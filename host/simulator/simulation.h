@@ -73,7 +73,6 @@ class SimulatedRobot {
 
  private:
   void apply_faults(TimeUs now_us);
-  void roll_wheels(std::span<const TruePose> others);
   void measure(TimeUs now_us, std::span<ScanPoint> beams);
 
   int number_;
@@ -86,7 +85,6 @@ class SimulatedRobot {
   Cia402Emulator left_, right_;
   DriveGroup drives_;
   double metres_per_count_;
-  double left_counts_ = 0, right_counts_ = 0;
   TimeUs next_garbage_us_ = 0;
   ScanRecorder* recorder_ = nullptr;
   std::vector<bool> fault_begun_;

@@ -70,11 +70,8 @@ void SimulatedRobot::measure(std::span<ScanPoint> beams) {
 
 void SimulatedRobot::roll_wheels() {
   const double metres_per_count = 2 * std::numbers::pi * body_.shape().wheel_radius_m / 4096;
-  const double left = left_.ground_position(), right = right_.ground_position();
-  body_.roll((left - left_counts_) * metres_per_count, (right - right_counts_) * metres_per_count,
-             *world_, others_);
-  left_counts_ = left;
-  right_counts_ = right;
+  body_.roll_to(left_.ground_position(), right_.ground_position(), metres_per_count, *world_,
+                others_);
 }
 
 void SimulatedRobot::tick(TimeUs now_us) {

@@ -59,7 +59,6 @@ class SimulatedRobot {
   host::DriveGroup drives_{wire_.end(1), {&left_, &right_}};
   host::RadioQueue radio_;
   StillClock clock_;
-  double left_counts_ = 0, right_counts_ = 0;
   ReplayWriter writer_;
   PortRecorder recorder_{writer_, serial_, wire_.end(0), radio_};
   AgentFor<McuProfile> agent_;
