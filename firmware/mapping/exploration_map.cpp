@@ -9,18 +9,22 @@ namespace ivfm {
 
 namespace {
 
+template <typename T>
+bool all_clear(std::span<const T> cells) {
+  T all{};
+  for (const T cell : cells) all = static_cast<T>(all | cell);  // many at once: no early way out
+  return all == T{};
+}
+
 // Writes only where it has to: memory that the operating system gives out when it is first written
 // to (a robot's map of an unknown world) stays free until the robot gets there.
 template <typename T>
 void clear_cells(std::span<T> cells) {
-  for (T& cell : cells) {
-    if (cell != T{}) cell = T{};
+  constexpr std::size_t kAtOnce = 1024;
+  for (; !cells.empty(); cells = cells.subspan(std::min(kAtOnce, cells.size()))) {
+    const std::span<T> part = cells.first(std::min(kAtOnce, cells.size()));
+    if (!all_clear(std::span<const T>(part))) std::ranges::fill(part, T{});
   }
-}
-
-template <typename T>
-bool all_clear(std::span<const T> cells) {
-  return std::ranges::all_of(cells, [](T cell) { return cell == T{}; });
 }
 
 // Moves the contents of a row-major layer by (dx, dy) cells and fills what enters with zeros.
@@ -223,28 +227,38 @@ void ExplorationMap::forget_robots() {
   robots_ = {};
 }
 
-void ExplorationMap::add_miss_at(std::size_t index, Cell c) {
+inline void ExplorationMap::add_misses_at(std::size_t index, Cell c, int times) {
   if (layers_.flags[index] & cell_flag::kHitThisScan) return;
   std::int8_t& cell = layers_.occupancy[index];
-  if (cell <= occupancy::kMin) return;
-  cell = static_cast<std::int8_t>(cell + occupancy::kMiss);
-  if (cell == 0) update_obstacle(c, cell_flag::kOwnObstacle, false);
-  if (cell == occupancy::kMin) update_obstacle(c, cell_flag::kPeerObstacle, false);
+  const int before = cell;
+  if (before <= occupancy::kMin) return;
+  const int now = std::max(occupancy::kMin, before + times * occupancy::kMiss);
+  cell = static_cast<std::int8_t>(now);
+  if (before > 0 && now <= 0) update_obstacle(c, cell_flag::kOwnObstacle, false);
+  if (now == occupancy::kMin) update_obstacle(c, cell_flag::kPeerObstacle, false);
 }
 
-void ExplorationMap::add_misses_on_line(Cell a, Cell b) {
+void ExplorationMap::add_misses_on_line(Cell a, Cell b, int times) {
+  known_ = known_.united(CellRect{a.x, a.y, 1, 1}.united(b).intersection(frame_.window()));
+  // Compiled twice: most of a lidar's beams end where no other does.
+  if (times == 1) return for_each_on_line(a, b, [this](auto i, Cell c) { add_misses_at(i, c, 1); });
+  for_each_on_line(a, b, [this, times](auto i, Cell c) { add_misses_at(i, c, times); });
+}
+
+// Calls visit(index, cell) for the window's cells on the line from `a` to before `b`.
+template <typename Visit>
+void ExplorationMap::for_each_on_line(Cell a, Cell b, Visit visit) {
   const std::int32_t dx = std::abs(b.x - a.x), dy = -std::abs(b.y - a.y);
   const std::int32_t sx = a.x < b.x ? 1 : -1, sy = a.y < b.y ? 1 : -1;
   const bool inside = frame_.contains(a) && frame_.contains(b);  // then so is the whole line
-  known_ = known_.united(CellRect{a.x, a.y, 1, 1}.united(b).intersection(frame_.window()));
   const std::int32_t stride = sy * frame_.width();
   auto index = static_cast<std::ptrdiff_t>(inside ? frame_.index_of(a) : 0);
   std::int32_t error = dx + dy;
   while (!(a == b)) {
     if (inside) {
-      add_miss_at(static_cast<std::size_t>(index), a);
+      visit(static_cast<std::size_t>(index), a);
     } else if (frame_.contains(a)) {
-      add_miss_at(frame_.index_of(a), a);
+      visit(frame_.index_of(a), a);
     }
     const std::int32_t twice = 2 * error;
     if (twice >= dy) {

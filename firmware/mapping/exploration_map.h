@@ -109,8 +109,8 @@ class ExplorationMap final : public SharedMap {
   void put_robot(Cell c);
   void forget_robots();
   // Adds occupancy::kMiss to the cells on the straight line from `a` to before `b` (Bresenham) that
-  // no beam of the scan being fused ends in (kHitThisScan).
-  void add_misses_on_line(Cell a, Cell b);
+  // no beam of the scan being fused ends in (kHitThisScan), as often as `times` beams do.
+  void add_misses_on_line(Cell a, Cell b, int times = 1);
   // Counts one visit of this robot. Requires the cell inside the window.
   void count_visit(Cell c);
   // The same for many: count_visit_at() each index, then note_visits() with their rectangle once.
@@ -152,7 +152,9 @@ class ExplorationMap final : public SharedMap {
     change = change.united(c);
   }
   void stamp_inflation(Cell c, int step);
-  void add_miss_at(std::size_t index, Cell c);
+  void add_misses_at(std::size_t index, Cell c, int times);
+  template <typename Visit>
+  void for_each_on_line(Cell a, Cell b, Visit visit);
 
   MapLayers layers_;
   GridFrame frame_;

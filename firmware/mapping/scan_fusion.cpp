@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <utility>
 
 #include "firmware/mapping/visit_value.h"
 
@@ -50,22 +51,26 @@ void VisibilityProfile::build(const Scan& scan, std::uint16_t max_gap) {
   fill_gaps(max_gap);
 }
 
+// Goes once around, from one bin with a beam to the next; in the middle of a gap the lower bin is
+// the nearer one.
 void VisibilityProfile::fill_gaps(std::uint16_t max_gap) {
   const std::size_t reach = std::max<std::size_t>(1, (max_gap >> 6) / 2 + 1);
-  filled_range_ = range_;
-  for (std::size_t bin = 0; bin < kBins; ++bin) {
-    if (range_[bin] != kUnset) continue;
-    filled_range_[bin] = 0;
-    for (std::size_t step = 1; step <= reach; ++step) {
-      const std::size_t low = (bin + kBins - step) % kBins, high = (bin + step) % kBins;
-      const std::size_t source = range_[low] != kUnset ? low : high;
-      if (range_[source] == kUnset) continue;
-      filled_range_[bin] = range_[source];
-      hit_[bin] = hit_[source];
-      break;
-    }
+  const auto* const first_set = std::ranges::find_if(range_, [](auto r) { return r != kUnset; });
+  if (first_set == range_.end()) return range_.fill(0);
+  const auto take_over = [this](std::size_t from, std::size_t to) {
+    range_[to % kBins] = range_[from % kBins];
+    hit_[to % kBins] = hit_[from % kBins];
+  };
+  const auto first = static_cast<std::size_t>(first_set - range_.begin());
+  for (std::size_t low = first, high = low + 1; low < first + kBins; low = high++) {
+    while (range_[high % kBins] == kUnset) ++high;
+    const std::size_t gap = high - low - 1;
+    const std::size_t last_of_low = low + std::min(reach, (gap + 1) / 2);
+    const std::size_t first_of_high = high - std::min(reach, gap / 2);
+    for (std::size_t i = low + 1; i <= last_of_low; ++i) take_over(low, i);
+    for (std::size_t i = last_of_low + 1; i < first_of_high; ++i) range_[i % kBins] = 0;
+    for (std::size_t i = first_of_high; i < high; ++i) take_over(high, i);
   }
-  range_ = filled_range_;
 }
 
 void ScanFusion::begin_action(ExplorationMap& map) {
@@ -102,7 +107,7 @@ void ScanFusion::update_occupancy(ExplorationMap& map, const Pose& pose, const S
   CellRect hits{};
   map.forget_robots();
   for (const ScanPoint& point : scan.points()) {
-    if (point.echo == Echo::kNothing) continue;
+    if (!point.is_in_the_way()) continue;
     const auto [end, echo] = end_of(point);
     if (echo == Echo::kRobot) map.put_robot(end);
     if (echo != Echo::kHit) continue;
@@ -110,17 +115,30 @@ void ScanFusion::update_occupancy(ExplorationMap& map, const Pose& pose, const S
     if (config_.doubt_changes && map.is_surely_free(end)) map.set_flag(end, cell_flag::kDoubted);
     hits = hits.united(end);
   }
+  // Neighbouring clear beams of a camera often end in the same cell: one line for all of them.
+  Cell clear_end;
+  int clear_beams = 0;
+  const auto fuse_clear_beams = [&] {
+    if (clear_beams > 0) map.add_misses_on_line(robot, clear_end, std::exchange(clear_beams, 0));
+  };
   for (const ScanPoint& point : scan.points()) {
     if (point.echo == Echo::kNothing) continue;
     const auto [end, echo] = end_of(point);
-    map.add_misses_on_line(robot, end);
-    if (echo != Echo::kHit) continue;
+    if (echo != Echo::kHit) {
+      if (!(end == clear_end)) fuse_clear_beams();
+      clear_end = end;
+      ++clear_beams;
+      continue;
+    }
+    fuse_clear_beams();
+    map.add_misses_on_line(robot, end, 1);
     if (map.is_doubted(end)) {
       map.doubt(end);
     } else {
       map.add_evidence(end, occupancy::kHit);
     }
   }
+  fuse_clear_beams();
   map.clear_flag(hits, cell_flag::kHitThisScan | cell_flag::kDoubted);
 }
 

@@ -74,7 +74,6 @@ class VisibilityProfile {
 
   std::array<std::uint16_t, kBins> range_;
   std::array<std::uint8_t, kBins> hit_;
-  std::array<std::uint16_t, kBins> filled_range_;
 };
 
 class ScanFusion {
