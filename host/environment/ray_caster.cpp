@@ -121,9 +121,10 @@ double RayCaster::trace(Point from, double dx, double dy, double max_um) const {
   const double cell = world_->cell_um, inverse_cell = 1.0 / cell;
   const double x = static_cast<double>(from.x_um) - world_->origin.x_um;
   const double y = static_cast<double>(from.y_um) - world_->origin.y_um;
-  auto cx = static_cast<std::int64_t>(std::floor(x * inverse_cell));
-  auto cy = static_cast<std::int64_t>(std::floor(y * inverse_cell));
-  if (cx < 0 || cy < 0 || cx >= world_->width || cy >= world_->height) return 0;
+  if (x < 0 || y < 0) return 0;
+  auto cx = static_cast<std::int64_t>(x * inverse_cell);
+  auto cy = static_cast<std::int64_t>(y * inverse_cell);
+  if (cx >= world_->width || cy >= world_->height) return 0;
   const int step_x = dx < 0 ? -1 : 1, step_y = dy < 0 ? -1 : 1;
   const double inverse_dx = dx == 0 ? kNever : 1.0 / dx, inverse_dy = dy == 0 ? kNever : 1.0 / dy;
   // A stride this many times the clearance cannot leave the clear square, rounding included.
@@ -134,8 +135,8 @@ double RayCaster::trace(Point from, double dx, double dy, double max_um) const {
     if (clear == 0) return t;
     if (clear > 1) {
       t += (clear - 1) * stride;
-      cx = static_cast<std::int64_t>(std::floor((x + t * dx) * inverse_cell));
-      cy = static_cast<std::int64_t>(std::floor((y + t * dy) * inverse_cell));
+      cx = static_cast<std::int64_t>((x + t * dx) * inverse_cell);  // inside: never below 0
+      cy = static_cast<std::int64_t>((y + t * dy) * inverse_cell);
       continue;
     }
     const double edge_x = static_cast<double>(cx + (step_x > 0)) * cell;

@@ -1,13 +1,31 @@
 #include "host/environment/reachable_area.h"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 namespace ivfm::host {
 
 namespace {
 
-constexpr std::array<Cell, 4> kNeighbours = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
+enum : std::uint8_t { kShut, kOpen, kReached };
+
+// The frame's cells and a ring of shut ones around them: kOpen where a disc's centre may be.
+std::vector<std::uint8_t> open_cells(const RayCaster& rays, const GridFrame& padded,
+                                     std::int32_t radius_um) {
+  std::vector<std::uint8_t> cells(padded.size(), kShut);
+  const CellRect inside = padded.window().grown(-1);
+  for (std::int32_t y = inside.y; y < inside.top(); ++y) {
+    std::uint8_t* cell = &cells[padded.index_of({inside.x, y})];
+    for (std::int32_t x = inside.x; x < inside.right(); ++x, ++cell) {
+      const Point center = padded.center_of({x, y});
+      const bool is_open =
+          radius_um > 0 ? rays.disc_is_free(center, radius_um) : !rays.world().is_occupied(center);
+      *cell = is_open ? kOpen : kShut;
+    }
+  }
+  return cells;
+}
 
 }  // namespace
 
@@ -15,19 +33,25 @@ std::vector<std::uint8_t> reachable_centers(const RayCaster& rays, const GridFra
                                             Cell start, std::int32_t radius_um) {
   std::vector<std::uint8_t> reached(frame.size(), 0);
   if (!frame.contains(start)) return reached;
-  std::vector<Cell> open{start};
-  reached[frame.index_of(start)] = 1;
-  while (!open.empty()) {
-    const Cell cell = open.back();
-    open.pop_back();
-    for (const Cell& step : kNeighbours) {
-      const Cell next{cell.x + step.x, cell.y + step.y};
-      if (!frame.contains(next) || reached[frame.index_of(next)] != 0) continue;
-      const Point center = frame.center_of(next);
-      if (rays.world().is_occupied(center) || !rays.disc_is_free(center, radius_um)) continue;
-      reached[frame.index_of(next)] = 1;
-      open.push_back(next);
+  const GridFrame padded(frame.cell_um(), frame.window().grown(1));
+  std::vector<std::uint8_t> cells = open_cells(rays, padded, radius_um);
+  const auto stride = static_cast<std::ptrdiff_t>(padded.width());
+  std::vector<std::uint8_t*> to_leave{&cells[padded.index_of(start)]};
+  *to_leave.back() = kReached;
+  while (!to_leave.empty()) {
+    std::uint8_t* const cell = to_leave.back();
+    to_leave.pop_back();
+    for (std::uint8_t* const next : {cell + 1, cell - 1, cell + stride, cell - stride}) {
+      if (*next != kOpen) continue;
+      *next = kReached;
+      to_leave.push_back(next);
     }
+  }
+  std::uint8_t* out = reached.data();
+  for (std::int32_t y = frame.window().y; y < frame.window().top(); ++y) {
+    const std::uint8_t* const row = &cells[padded.index_of({frame.window().x, y})];
+    out = std::transform(row, row + frame.width(), out,
+                         [](std::uint8_t cell) -> std::uint8_t { return cell == kReached; });
   }
   return reached;
 }
