@@ -48,10 +48,15 @@ void head(const LayerView& layer, const TensorView& in_shape, const std::int8_t*
 
 void upsample_nearest(const TensorView& in_shape, const std::int8_t* in, std::int8_t* out) {
   const auto pixel_bytes = static_cast<std::size_t>(in_shape.stored_channels());
-  for (int y = 0; y < 2 * in_shape.height; ++y)
-    for (int x = 0; x < 2 * in_shape.width; ++x, out += pixel_bytes)
-      std::memcpy(out, in + static_cast<std::size_t>(y / 2 * in_shape.width + x / 2) * pixel_bytes,
-                  pixel_bytes);
+  const std::size_t row_bytes = 2 * pixel_bytes * in_shape.width;
+  for (int y = 0; y < in_shape.height; ++y, out += 2 * row_bytes) {
+    std::int8_t* pixel = out;
+    for (int x = 0; x < in_shape.width; ++x, in += pixel_bytes, pixel += 2 * pixel_bytes) {
+      std::memcpy(pixel, in, pixel_bytes);
+      std::memcpy(pixel + pixel_bytes, in, pixel_bytes);
+    }
+    std::memcpy(out + row_bytes, out, row_bytes);
+  }
 }
 
 void add_scaled(const LayerView& layer, std::size_t size, const std::int8_t* a,
