@@ -16,6 +16,7 @@ std::uint32_t age_us(TimeUs now_us, TimeUs then_us) {
 MapLinkConfig link_config(const AgentConfig& config, const Explorer& explorer) {
   MapLinkConfig link = config.link;
   link.cell_um = explorer.map().frame().cell_um();
+  link.apart = config.unknown_start;
   return link;
 }
 
@@ -40,7 +41,9 @@ Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explo
       supervisor_(config.supervisor),
       link_(explorer.map(), ports.radio, link_config(config, explorer), ports.seal) {
   localization_.reset(config.start);
-  if (config.rough_start) {
+  if (config.unknown_start) {
+    start_pose_ = StartPose::kApart;
+  } else if (config.rough_start) {
     start_pose_ = StartPose::kSearching;
     alignment_.begin(config.start);
   }
@@ -154,21 +157,23 @@ void Agent::align_later() {
 
 // All that this robot has seen and told is expressed in the others' frame.
 void Agent::move_frame(const Pose& moved) {
+  const bool alone = start_pose_ == StartPose::kApart;
   start_pose_ = StartPose::kCorrected;
   localization_.re_express(moved);
-  explorer_.re_express(moved);
+  explorer_.re_express(moved, alone);
   supervisor_.re_express(moved);
   pose_ = localization_.pose();
   pose_at_scan_ = compose(moved, pose_at_scan_);
   follower_.cancel();
   acting_ = false;
   link_.move_frame();
+  link_.clip(explorer_.map().frame().window());
   share_map();
 }
 
 // Stands in for a camera: a target is found by the robot that has seen its cell.
 void Agent::look_for_target() {
-  if (!config_.target || found_) return;
+  if (!config_.target || found_ || start_pose_ == StartPose::kApart) return;
   const Cell cell = explorer_.map().frame().cell_at(*config_.target);
   std::uint8_t visits = 0;
   const Status read =
@@ -187,6 +192,7 @@ void Agent::exchange_maps(TimeUs now_us) {
   }
   link_.set_status(status(now_us));
   link_.step(now_us, pose_);
+  if (const std::optional<Pose> frame = link_.take_frame()) move_frame(*frame);
 }
 
 RobotStatus Agent::status(TimeUs now_us) const {

@@ -37,6 +37,9 @@ struct AgentConfig {
   // `start` may be 0.5 m and 15 degrees wrong: the robot stands until it has found out by what the
   // others have mapped there, or cannot.
   bool rough_start = false;
+  // `start` tells nothing: the robot's map frame is its own, and its map stays apart from the
+  // team's until the server has found out how they lie to each other.
+  bool unknown_start = false;
   bool autostart = true;  // explore as soon as the devices are ready
   // An action ends after this much driving even when its goal is further: the map has changed.
   std::int32_t max_action_travel_um = 1'500'000;
@@ -68,7 +71,7 @@ struct AgentProgress {
 };
 
 // What a robot knows of where it started.
-enum class StartPose : std::uint8_t { kGiven, kSearching, kCorrected, kNotFound };
+enum class StartPose : std::uint8_t { kGiven, kSearching, kCorrected, kNotFound, kApart };
 
 class Agent {
  public:

@@ -24,7 +24,9 @@ MapLink::MapLink(SharedMap& map, DatagramSocket& socket, const MapLinkConfig& co
       seal_(seal),
       window_(kWireCells),
       timeout_us_(config.retry_us),
-      epoch_(config.epoch) {
+      epoch_(config.epoch),
+      apart_(config.apart),
+      frame_is_known_(!config.apart) {
   probe_.pending = true;
 }
 
@@ -64,7 +66,9 @@ void MapLink::move_frame() {
   moved_frame_ = true;
   frame_is_known_ = false;
   hello_ = {.pending = true};
-  restore_request_ = {};
+  restore_request_ = {.pending = apart_};
+  restore_from_ = {};
+  apart_ = false;
   in_flight_size_ = 0;
   for (DirtyRectangles& dirty : dirty_) dirty = {};
   marked_ = {};
@@ -78,6 +82,12 @@ void MapLink::report_found(Point target) {
 std::optional<CommandCode> MapLink::take_command() {
   const auto taken = command_;
   command_.reset();
+  return taken;
+}
+
+std::optional<Pose> MapLink::take_frame() {
+  const auto taken = frame_;
+  frame_.reset();
   return taken;
 }
 
@@ -147,6 +157,7 @@ bool MapLink::is_from_present_server(const DatagramHeader& header) {
   server_boot_ = header.boot;
   server_window_ = {};
   connected_ = false;
+  frame_is_known_ = frame_is_known_ && !apart_;
   probe_.pending = true;
   newest_update_ = 0;
   newest_places_ = 0;
@@ -165,6 +176,7 @@ void MapLink::handle_body(const OpenedDatagram& opened, TimeUs now_us) {
     case MessageKind::kWelcome: handle_welcome(opened.body, now_us); break;
     case MessageKind::kRestore: handle_restore(opened.body, now_us); break;
     case MessageKind::kPlaces: handle_places(sequence, opened.body, now_us); break;
+    case MessageKind::kMapFrame: handle_frame(opened.body); break;
     default: break;  // open_datagram() lets only the server's kinds through
   }
 }
@@ -300,6 +312,19 @@ void MapLink::handle_places(std::uint32_t sequence, std::span<const std::uint8_t
   }
 }
 
+void MapLink::handle_frame(std::span<const std::uint8_t> body) {
+  const auto message = decode_map_frame(body);
+  if (!message.ok()) {
+    ++counters_.dropped_malformed;
+    return;
+  }
+  if (!apart_ || message->epoch != epoch_) {
+    ++counters_.dropped_stale;
+    return;
+  }
+  frame_ = message->frame;
+}
+
 void MapLink::note_taken(std::uint32_t sequence) {
   acknowledgement_due_ = true;
   taken_.take(sequence);
@@ -416,6 +441,7 @@ std::size_t MapLink::write_hello() {
   hello.window = told_window();
   hello.resuming = welcomed_;
   hello.moved_frame = moved_frame_;
+  hello.apart = apart_;
   hello.set_name(config_.name);
   return *encode(hello, body_of(datagram_));
 }

@@ -26,6 +26,8 @@ struct MapLinkConfig {
   std::uint64_t boot = 1;        // a random number drawn at this start, not 0
   std::int32_t cell_um = 50000;  // the map's, 1 .. 2^24 - 1
   std::string_view name;         // for people, at most 24 characters
+  bool apart =
+      false;  // where this map's frame lies in the team's is not known: the server is to say
   TimeUs batch_period_us = 1000000;   // map updates leave at most this often, or at flush()
   TimeUs status_period_us = 1000000;  // 0: no status messages
   TimeUs retry_us = 1000000;          // without acknowledgement, sent again after this time,
@@ -77,7 +79,8 @@ class MapLink {
   void clip(const CellRect& window);
 
   // The robot's cells are in another map frame from now on: the server forgets what it had of them.
-  // Mark all of them dirty afterwards.
+  // Mark all of them dirty afterwards. A robot that was apart is part of the team from then on, and
+  // takes back what it told of the team's frame before its last start.
   void move_frame();
 
   // Receives and sends what is due; bounded work. `pose` goes along with map updates.
@@ -89,6 +92,8 @@ class MapLink {
   void report_found(Point target);
   // The newest command not yet taken, if there is one.
   std::optional<CommandCode> take_command();
+  // Where the server has found this robot's map frame to lie in the team's; then move there.
+  std::optional<Pose> take_frame();
   // Other robots near this one, as the server told last; look at how old they are.
   std::span<const PeerRobot> peers() const { return {peers_.data(), peers_size_}; }
 
@@ -129,6 +134,7 @@ class MapLink {
   void handle_command(std::uint32_t sequence, std::span<const std::uint8_t> body);
   void handle_welcome(std::span<const std::uint8_t> body, TimeUs now_us);
   void handle_restore(std::span<const std::uint8_t> body, TimeUs now_us);
+  void handle_frame(std::span<const std::uint8_t> body);
   void handle_places(std::uint32_t sequence, std::span<const std::uint8_t> body, TimeUs now_us);
   bool has_right_cells(std::span<const std::uint8_t> map_update);
   void note_answer(TimeUs now_us);
@@ -196,7 +202,9 @@ class MapLink {
   bool connected_ = false;      // the present server has welcomed this robot
   bool welcomed_ = false;       // some server has, since the start
   bool moved_frame_ = false;    // in this epoch
+  bool apart_;                  // from the team: the frame is the robot's own
   bool frame_is_known_ = true;  // to the server; until then nothing but hellos leaves
+  std::optional<Pose> frame_;   // in the team's, as the server told
   std::uint32_t newest_update_ = 0;
   ReplayWindow taken_;  // what is to be acknowledged
   bool acknowledgement_due_ = false;

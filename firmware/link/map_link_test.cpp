@@ -48,6 +48,9 @@ class ServerModel {
   void send_places(const RobotPlaces& places) {
     send(MessageKind::kPlaces, *encode(places, body_of(out_)));
   }
+  void send_frame(const MapFrame& frame) {
+    send(MessageKind::kMapFrame, *encode(frame, body_of(out_)));
+  }
   std::uint32_t send_region(Layer layer, const CellRect& rect, std::vector<std::uint8_t> cells,
                             std::int32_t cell_um = 50000) {
     MapUpdateWriter writer(body_of(out_), cell_um, {});
@@ -364,6 +367,46 @@ TEST_F(MapLinkTest, InANewFrameNothingButHellosLeavesUntilTheServerKnows) {
   run(5 * kSecond);
   EXPECT_EQ(server_.value(Layer::kVisits, {12, 2}), 1);
   EXPECT_TRUE(link_.all_acknowledged());
+}
+
+TEST_F(MapLinkTest, ARobotThatDoesNotKnowWhereItIsSaysSoBeforeAllElseAndMovesOnceItIsTold) {
+  FakeRadio radio(1);
+  ServerModel server(radio.server(), 100);
+  SmallMap map({-50, -50, 100, 100});
+  MapLinkConfig config;
+  config.apart = true;
+  MapLink link(map, radio.robot(), config);
+  map.visit({0, 0, 5, 5});
+  link.mark_dirty(Layer::kVisits, {0, 0, 5, 5});
+  const auto pass = [&](TimeUs duration_us, bool server_answers = true) {
+    for (const TimeUs end = now_ + duration_us; now_ < end; now_ += kTick) {
+      radio.set_now(now_);
+      link.step(now_, {});
+      if (server_answers) server.step();
+    }
+  };
+  pass(kTick);
+  pass(kTick);  // welcomed; the hello that tells the present server has not been answered yet
+  EXPECT_EQ(server.received[MessageKind::kMapUpdate] + server.received[MessageKind::kStatus], 0);
+  EXPECT_TRUE(server.last_hello.apart);
+  pass(3 * kSecond);
+  EXPECT_EQ(server.value(Layer::kVisits, {2, 2}), 1);
+  EXPECT_FALSE(link.take_frame().has_value());
+  const Pose frame{{1'000'000, 2'000'000}, BinaryAngle::from_degrees(137)};
+  server.send_frame({link.epoch() - 1, frame});
+  pass(kSecond);
+  EXPECT_FALSE(link.take_frame().has_value()) << "of another epoch";
+  server.send_frame({link.epoch(), frame});
+  pass(kSecond);
+  EXPECT_EQ(link.take_frame(), frame);
+  link.move_frame();
+  pass(3 * kSecond);
+  EXPECT_FALSE(server.last_hello.apart);
+  EXPECT_TRUE(server.last_hello.moved_frame);
+  EXPECT_FALSE(server.restore_requests.empty());
+  server.send_frame({link.epoch(), frame});
+  pass(kSecond);
+  EXPECT_FALSE(link.take_frame().has_value()) << "it is part of the team";
 }
 
 TEST_F(MapLinkTest, NothingButAHelloLeavesBeforeTheWelcome) {

@@ -211,6 +211,22 @@ void ExplorationMap::re_express(const Pose& moved) {
   for (CellRect& change : changes_) change = region;  // all of it is to be told anew
 }
 
+void ExplorationMap::re_express_alone(const Pose& moved) {
+  forget_robots();
+  const CellRect before = frame_.window();
+  const Cell middle{before.x + before.width / 2, before.y + before.height / 2};
+  const Point p = frame_.center_of(middle);
+  const Cell to = frame_.cell_at(transform(moved, p.x_um, p.y_um));
+  const Cell by{to.x - middle.x, to.y - middle.y};
+  const auto shifted = [by](CellRect rect) {
+    return rect.empty() ? rect : CellRect{rect.x + by.x, rect.y + by.y, rect.width, rect.height};
+  };
+  frame_ = GridFrame(frame_.cell_um(), shifted(before));  // the cells stay, and get other numbers
+  known_ = shifted(known_);
+  const std::int32_t cell_um = frame_.cell_um();
+  re_express(compose(moved, {{-by.x * cell_um, -by.y * cell_um}, {}}));
+}
+
 void ExplorationMap::put_robot(Cell c) {
   if (!frame_.contains(c)) return;
   update_obstacle(c, cell_flag::kRobot, true);

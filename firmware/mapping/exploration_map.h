@@ -105,6 +105,9 @@ class ExplorationMap final : public SharedMap {
   // Moves what this robot has seen by `moved` (T_new_old of the map frame); what the others told
   // stays. Uses MapLayers::path_cost as its scratch memory. What leaves the window is forgotten.
   void re_express(const Pose& moved);
+  // The same for a move of any size, of a robot that was told nothing by others: the window goes
+  // along, and what then lies outside it is forgotten.
+  void re_express_alone(const Pose& moved);
   // Another robot stands there: an obstacle until the next forget_robots(), and no evidence.
   void put_robot(Cell c);
   void forget_robots();

@@ -77,6 +77,27 @@ TEST_F(ExplorationMapTest, WhatItHasSeenMovesToAnotherFrameAndWhatOthersToldStay
   EXPECT_TRUE(map_.take_changes(Layer::kVisits).contains({0, 5, 1, 1}));
 }
 
+TEST_F(ExplorationMapTest, TheWindowGoesAlongWithAFrameThatMovesFar) {
+  for (std::int32_t i = -6; i <= 6; ++i) {
+    map_.add_evidence({i, 3}, occupancy::kMax);
+    map_.count_visit({i, 1});
+  }
+  // A quarter turn, then 50.1 m west: (x, y) comes to (-y, x) - (50.1 m, 0).
+  map_.re_express_alone({{-50'100'000, 0}, BinaryAngle::from_degrees(90)});
+  const CellRect& window = map_.frame().window();
+  int obstacles = 0, visits = 0;
+  for (std::int32_t y = window.y; y < window.top(); ++y) {
+    for (std::int32_t x = window.x; x < window.right(); ++x) {
+      obstacles += map_.is_obstacle({x, y}) ? 1 : 0;
+      visits += static_cast<int>(map_.visits({x, y}));
+    }
+  }
+  EXPECT_EQ(obstacles, 13);
+  EXPECT_EQ(visits, 13);
+  EXPECT_TRUE(map_.is_obstacle({-1006, 0}));  // from (25 mm, 175 mm)
+  EXPECT_EQ(map_.visits({-1004, -6}), 1u);    // from (-275 mm, 75 mm)
+}
+
 TEST_F(ExplorationMapTest, VisitsOfAllRobotsAddUpAndSaturate) {
   map_.count_visit({1, 1});
   const std::vector<std::uint8_t> peers{254};

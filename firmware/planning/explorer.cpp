@@ -39,10 +39,14 @@ void Explorer::start(const Pose& pose, Point window_center) {
   fusion_.begin_action(map_);
 }
 
-void Explorer::re_express(const Pose& moved) {
+void Explorer::re_express(const Pose& moved, bool alone) {
   begin_action();
   start_ = compose(moved, start_);
-  map_.re_express(moved);
+  if (alone) {
+    map_.re_express_alone(moved);
+  } else {
+    map_.re_express(moved);
+  }
   paths_.forget();
   last_ = {};
 }

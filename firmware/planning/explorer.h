@@ -119,7 +119,7 @@ class Explorer {
   // The robot stands elsewhere than start() was told; what the others saw stays.
   void correct_start(const Pose& pose) { start_ = pose; }
   // The same once it has seen something, which moves along by `moved` (T_new_old of the map frame).
-  void re_express(const Pose& moved);
+  void re_express(const Pose& moved, bool alone);  // see ExplorationMap
 
   // Begins an action: visits count once per action on the union of its views.
   void begin_action();

@@ -71,7 +71,8 @@ json describe_robot(const RobotView& view, std::int32_t cell_um, double bytes_pe
            {"seen_s", static_cast<double>(view.last_seen_us) / 1e6},
            {"bytes", view.traffic.bytes_in + view.traffic.bytes_out},
            {"bytes_per_s", bytes_per_s},
-           {"lost", lost}};
+           {"lost", lost},
+           {"apart", view.apart}};
   if (view.status) out.update(describe_status(*view.status));
   if (view.pose) {
     out["x"] = metres(view.pose->position.x_um);
@@ -87,7 +88,7 @@ json describe_robot(const RobotView& view, std::int32_t cell_um, double bytes_pe
 
 bool same(const RobotView& a, const RobotView& b) {
   return a.name == b.name && a.last_seen_us == b.last_seen_us && a.traffic == b.traffic &&
-         a.pose == b.pose && a.goal == b.goal && a.status == b.status;
+         a.apart == b.apart && a.pose == b.pose && a.goal == b.goal && a.status == b.status;
 }
 
 // The newest rows in their order: so many that a server starts again within a second or two.

@@ -127,6 +127,8 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
                                    "draw the start poses in the corridor from the seed"));
   command->add_flag("--rough-starts", options->rough_starts,
                     "tell robots but the first start poses up to 0.5 m and 15 degrees wrong");
+  command->add_flag("--unknown-starts", options->unknown_starts,
+                    "tell robots but the first nothing of where they start");
   command->add_option("--until", options->until, "share of the free space to see")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 1.0));

@@ -192,6 +192,7 @@ FleetOptions DemoRun::fleet_options() const {
   fleet.time_scale = options_.time_scale;
   fleet.radio = options_.radio;
   fleet.rough_starts = options_.rough_starts;
+  fleet.unknown_starts = options_.unknown_starts;
   fleet.seed = options_.world.seed;
   for (const FleetEvent& event : options_.events) {
     if (event.kind == FleetEvent::Kind::kJoin) fleet.late.push_back(event.robot);

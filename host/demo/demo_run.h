@@ -41,6 +41,7 @@ struct DemoOptions {
   std::vector<std::string> faults;
   bool record_scans = false;
   bool rough_starts = false;       // as in FleetOptions
+  bool unknown_starts = false;     // as in FleetOptions
   std::string radio;               // faults between robots and server, as of ivfm radio
   std::vector<FleetEvent> events;  // robots that join late, leave or crash
   std::string target;              // X,Y in metres: seeing it is the goal; empty: none

@@ -233,6 +233,10 @@ void Fleet::start_agent(int robot, const std::string& start) {
     *std::next(pose) = roughly(*std::next(pose), options_.seed + static_cast<std::uint64_t>(robot));
     command.emplace_back("--rough-start");
   }
+  if (options_.unknown_starts && robot > 1 && pose != command.end()) {
+    *std::next(pose) = "0,0,0";
+    command.emplace_back("--unknown-start");
+  }
   for (const std::string& argument :
        {std::string("--server"), radio_ == nullptr ? server_address_ : radio_address_,
         std::string("--robot-id"), std::to_string(robot), std::string("--key"),

@@ -26,7 +26,8 @@ struct FleetOptions {
   std::vector<int> late;  // robots that start() leaves out: start_agent() is for later
   // Robots but the first are told start poses up to 0.5 m and 15 degrees wrong, and that they are.
   bool rough_starts = false;
-  std::string radio;  // faults between robots and server, as of ivfm radio; empty: none
+  bool unknown_starts = false;  // robots but the first are told nothing of where they start
+  std::string radio;            // faults between robots and server, as of ivfm radio; empty: none
   std::uint64_t seed = 1;
   double time_scale = 4;
 };

@@ -42,7 +42,7 @@ class RehearsedRobot {
   RehearsedRobot(int number, const PreparedWorld& world, const RehearsalOptions& options)
       : world_(world),
         config_(config_of(number, world, options)),
-        body_(world.body, to_true_pose(config_.start), options.odometry,
+        body_(world.body, to_true_pose(start_of(number, world)), options.odometry,
               seed_of(options, number, 0)),
         rays_(world.world, options.lidar, seed_of(options, number, 1)),
         agent_(std::make_unique<AgentFor<RobotProfile>>(
@@ -69,6 +69,11 @@ class RehearsedRobot {
   const Agent& agent() const { return *agent_; }
   const RobotBody& body() const { return body_; }
   RadioQueue& radio() { return radio_; }
+  bool is_apart() const { return agent_->start_pose() == StartPose::kApart; }
+  double error_rad() const {
+    return std::abs(
+        std::remainder(body_.pose().heading_rad - agent_->pose().heading.radians(), 2 * M_PI));
+  }
   double error_m() const {
     const Point believed = agent_->pose().position;
     return std::hypot(body_.pose().x_m - believed.x_um / 1e6,
@@ -76,6 +81,10 @@ class RehearsedRobot {
   }
 
  private:
+  static const Pose& start_of(int number, const PreparedWorld& world) {
+    return world.starts[static_cast<std::size_t>(number - 1)];
+  }
+
   static AgentConfig config_of(int number, const PreparedWorld& world,
                                const RehearsalOptions& options) {
     AgentOptions agent = options.agent;
@@ -84,7 +93,8 @@ class RehearsedRobot {
     agent.wheel_radius_m = world.body.wheel_radius_m;
     agent.wheel_base_m = world.body.wheel_base_m;
     AgentConfig config = make_agent_config(agent, RobotProfile::kCellUm, 1);
-    config.start = world.starts[static_cast<std::size_t>(number - 1)];
+    config.unknown_start = options.unknown_starts && number > 1;
+    if (!config.unknown_start) config.start = start_of(number, world);
     return config;
   }
 
@@ -119,6 +129,7 @@ class Rehearsal {
     for (int i = 1; i <= static_cast<int>(world_.starts.size()); ++i) {
       robots_.push_back(std::make_unique<RehearsedRobot>(i, world_, options));
       team_.add(robots_.back()->radio());
+      apart_.push_back(robots_.back()->is_apart());
     }
   }
 
@@ -128,9 +139,10 @@ class Rehearsal {
     while (now_us < limit_us && !result_.goal_reached && !all_are_idle()) {
       now_us += kTickUs;
       tick(now_us);
-      if (now_us % kJudgePeriodUs == 0) judge();
+      if (now_us % kJudgePeriodUs == 0) judge(now_us);
     }
-    judge();
+    judge(now_us);
+    result_.apart = static_cast<int>(std::ranges::count(apart_, true));
     result_.simulated_s = static_cast<double>(now_us - kBeginUs) / 1e6;
     result_.rms_error_m = std::sqrt(squared_errors_ / std::max(1.0, errors_));
     return result_;
@@ -153,7 +165,18 @@ class Rehearsal {
         robots_, [](const auto& robot) { return robot->agent().state() == RobotState::kExplored; });
   }
 
-  void judge() {
+  // A robot that is apart is nowhere in the team's map frame.
+  bool is_placed(std::size_t i, TimeUs now_us) {
+    const RehearsedRobot& robot = *robots_[i];
+    if (apart_[i] && !robot.is_apart()) {
+      apart_[i] = false;
+      result_.joined.push_back(
+          {static_cast<double>(now_us - kBeginUs) / 1e6, robot.error_m(), robot.error_rad()});
+    }
+    return !apart_[i];
+  }
+
+  void judge(TimeUs now_us) {
     result_.actions = 0, result_.driven_m = 0, result_.collisions = 0;
     std::vector<LayerMap> maps;
     const MapStore& store = team_.server().map();
@@ -162,10 +185,11 @@ class Rehearsal {
       result_.actions += robot.agent().progress().actions;
       result_.driven_m += robot.body().travelled_m();
       result_.collisions += robot.body().collisions();
+      maps.push_back(robot_map(store, static_cast<std::uint16_t>(i + 1), RobotProfile::kCellUm));
+      if (!is_placed(i, now_us)) continue;
       const double error_m = robot.error_m();
       squared_errors_ += error_m * error_m, errors_ += 1;
       result_.largest_error_m = std::max(result_.largest_error_m, error_m);
-      maps.push_back(robot_map(store, static_cast<std::uint16_t>(i + 1), RobotProfile::kCellUm));
     }
     result_.scores =
         score_run(merged_map(store, RobotProfile::kCellUm), maps, meter_, result_.driven_m);
@@ -178,6 +202,7 @@ class Rehearsal {
   std::vector<std::unique_ptr<RehearsedRobot>> robots_;
   TeamRadio team_;
   RehearsalResult result_;
+  std::vector<bool> apart_;  // by robot
   double squared_errors_ = 0, errors_ = 0;
 };
 

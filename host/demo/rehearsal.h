@@ -19,8 +19,15 @@ struct RehearsalOptions {
   OdometryNoise odometry;
   LidarModel lidar;
   std::vector<std::uint8_t> model;  // a quantized Q-network; empty: the agents go without
+  bool unknown_starts = false;      // all robots but the first know nothing of where they start
   double until = 0.5;               // share of the explorable cells
   double time_limit_s = 900;        // simulated
+};
+
+// A robot that did not know its start and has become part of the team.
+struct Joining {
+  double after_s = 0;
+  double off_m = 0, off_rad = 0;  // where it then believes to be, against where it is
 };
 
 struct RehearsalResult {
@@ -32,6 +39,8 @@ struct RehearsalResult {
   double largest_error_m = 0;  // of that
   int collisions = 0;
   bool goal_reached = false;
+  std::vector<Joining> joined;
+  int apart = 0;  // robots whose place in the team's map was not found
 };
 
 // Throws what prepare_world() throws, and std::invalid_argument for a model that does not fit.

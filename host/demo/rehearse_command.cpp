@@ -91,6 +91,27 @@ void print(const std::vector<RehearsalResult>& results, const CommandOptions& op
       reached, results.size(), 100 * options.rehearsal.until, width_m);
 }
 
+void print_joined(const std::vector<RehearsalResult>& results) {
+  std::size_t joined = 0;
+  int apart = 0;
+  double seconds = 0, most_m = 0, most_rad = 0;
+  for (const RehearsalResult& result : results) {
+    apart += result.apart;
+    joined += result.joined.size();
+    for (const Joining& joining : result.joined) {
+      seconds += joining.after_s;
+      most_m = std::max(most_m, joining.off_m);
+      most_rad = std::max(most_rad, joining.off_rad);
+    }
+  }
+  std::printf("unknown starts: %zu robots joined the team, %d stayed apart", joined, apart);
+  if (joined > 0) {
+    std::printf("; after %.0f s in the mean, then at most %.3f m and %.2f degrees off",
+                seconds / static_cast<double>(joined), most_m, most_rad * 180 / M_PI);
+  }
+  std::printf("\n");
+}
+
 int rehearse_all(CommandOptions& options) {
   options.rehearsal.odometry = OdometryNoise::preset(options.odometry);
   options.rehearsal.lidar = LidarModel::preset(options.lidar);
@@ -121,6 +142,7 @@ int rehearse_all(CommandOptions& options) {
     return 1;
   }
   print(results, options);
+  if (options.rehearsal.unknown_starts) print_joined(results);
   return 0;
 }
 
@@ -140,6 +162,8 @@ void add_rehearse_command(CLI::App& app, CommandAction& action) {
       ->capture_default_str();
   command->add_flag("--random-starts", rehearsal.world.random_starts,
                     "draw the start poses in the corridor from the seed");
+  command->add_flag("--unknown-starts", rehearsal.unknown_starts,
+                    "tell robots but the first nothing of where they start");
   command->add_option("--episodes", options->episodes, "how many runs, each with its own seed")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000));

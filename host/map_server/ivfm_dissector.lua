@@ -17,6 +17,7 @@ local kinds = {
   [0x05] = "found", [0x06] = "restore request", [0x81] = "map update of the others",
   [0x82] = "acknowledgement by the server", [0x83] = "command", [0x84] = "welcome",
   [0x85] = "restore", [0x86] = "places of other robots",
+  [0x87] = "map frame",
 }
 local layers = {[0] = "visits", [1] = "obstacles", [255] = "end"}
 local codings = {[0] = "raw", [1] = "packed", [2] = "runs", [3] = "packed rows", [4] = "run rows"}
@@ -63,8 +64,11 @@ local f = {
   command = ProtoField.uint8("ivfm.command", "Command", base.DEC, commands),
   revision = ProtoField.uint32("ivfm.revision", "Revision"),
   age = ProtoField.uint8("ivfm.age", "Age (10 ms)"),
-  new_epoch = ProtoField.uint32("ivfm.new_epoch", "Epoch to use"),
+  new_epoch = ProtoField.uint32("ivfm.new_epoch", "Epoch"),
   flags = ProtoField.uint8("ivfm.flags", "Flags", base.HEX),
+  frame_x_um = ProtoField.int32("ivfm.frame_x_um", "Frame x (um)"),
+  frame_y_um = ProtoField.int32("ivfm.frame_y_um", "Frame y (um)"),
+  frame_heading = ProtoField.uint16("ivfm.frame_heading", "Frame heading (65536 a turn)"),
   rest = ProtoField.bytes("ivfm.rest", "Not understood"),
 }
 ivfm.fields = f
@@ -510,12 +514,18 @@ function Reader:places(tree)
   end
 end
 
+function Reader:map_frame(tree)
+  self:take(tree, f.new_epoch, 4)
+  self:take(tree, f.frame_x_um, 4) self:take(tree, f.frame_y_um, 4)
+  self:take(tree, f.frame_heading, 2)
+end
+
 local messages = {
   [0x01] = Reader.map_update, [0x02] = Reader.acknowledgement, [0x03] = Reader.hello,
   [0x04] = Reader.status, [0x05] = Reader.found, [0x06] = Reader.restore_request,
   [0x81] = Reader.map_update, [0x82] = Reader.acknowledgement, [0x83] = Reader.command,
   [0x84] = Reader.welcome, [0x85] = Reader.restore,
-  [0x86] = Reader.places,
+  [0x86] = Reader.places, [0x87] = Reader.map_frame,
 }
 
 local function dissect_content(content, tree, info)

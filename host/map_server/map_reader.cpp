@@ -58,6 +58,14 @@ CellRect tile_bounds(SqliteStatement& row) {
   return low.united(high);
 }
 
+std::set<std::uint16_t> apart_robots(SqliteConnection& connection) {
+  std::set<std::uint16_t> robots;
+  if (!has_apart_tiles(connection)) return robots;
+  SqliteStatement rows(connection, "SELECT DISTINCT robot FROM apart_tiles");
+  while (rows.row()) robots.insert(static_cast<std::uint16_t>(rows.integer(0)));
+  return robots;
+}
+
 struct DumpRows final : MapRowSink {
   std::vector<std::uint8_t> rows[kLayerCount];
   void take_row(Layer layer, std::int32_t, std::span<const std::uint8_t> cells) override {
@@ -126,12 +134,13 @@ LayerMap load_merged_map(const std::filesystem::path& database) {
 
 LayerMap load_robot_map(const std::filesystem::path& database, std::uint16_t robot) {
   SqliteConnection connection = open_run_database(database);
-  SqliteStatement extent(connection,
-                         "SELECT min(tile_x), min(tile_y), max(tile_x), max(tile_y) FROM tiles "
-                         "WHERE robot = ?");
+  const bool apart = apart_robots(connection).contains(robot);
+  const std::string where =
+      std::string(apart ? " FROM apart_tiles" : " FROM tiles") + " WHERE robot = ?";
+  SqliteStatement extent(
+      connection, ("SELECT min(tile_x), min(tile_y), max(tile_x), max(tile_y)" + where).c_str());
   extent.bind(std::int64_t{robot});
-  SqliteStatement tiles(connection,
-                        "SELECT layer, tile_x, tile_y, cells FROM tiles WHERE robot = ?");
+  SqliteStatement tiles(connection, ("SELECT layer, tile_x, tile_y, cells" + where).c_str());
   tiles.bind(std::int64_t{robot});
   return add_tiles(connection, tile_bounds(extent), tiles);
 }
@@ -157,6 +166,11 @@ LayerMap robot_map(const MapStore& store, std::uint16_t robot, std::int32_t cell
   LayerMap map = empty_map(cell_um, bounds);
   for (const auto& [key, tile] : *tiles) add_tile(map, key, tile.cells);
   return map;
+}
+
+std::set<std::uint16_t> load_apart_robots(const std::filesystem::path& database) {
+  SqliteConnection connection = open_run_database(database);
+  return apart_robots(connection);
 }
 
 std::vector<std::uint16_t> load_robot_ids(const std::filesystem::path& database) {
@@ -194,6 +208,7 @@ MapComparison compare_with_dumps(const std::filesystem::path& database,
   for (const std::uint16_t robot : load_robot_ids(database)) {
     stored[robot] = load_robot_map(database, robot);
   }
+  const std::set<std::uint16_t> apart = load_apart_robots(database);
   for (const auto& file : dumps) {
     MapDump dump = load_map_dump(file);
     const std::string who = "robot " + std::to_string(dump.robot);
@@ -201,7 +216,7 @@ MapComparison compare_with_dumps(const std::filesystem::path& database,
     if (merged.cell_um != 0 && dump.map.cell_um != merged.cell_um) {
       comparator.note(who + " has cells of another size than the server");
     }
-    everything = everything.united(dump.map.bounds);
+    if (!apart.contains(dump.robot)) everything = everything.united(dump.map.bounds);
     if (!held.emplace(dump.robot, std::move(dump.map)).second) {
       comparator.note(who + " has two dumps");
     }
@@ -221,6 +236,7 @@ MapComparison compare_with_dumps(const std::filesystem::path& database,
   for_each_cell(everything, [&](Layer layer, Cell cell) {
     unsigned sum = 0;
     for (const auto& [robot, map] : stored) {
+      if (apart.contains(robot)) continue;
       // What has left a robot's window only the server still knows.
       const auto dump = held.find(robot);
       const bool in_dump = dump != held.end() && dump->second.bounds.contains(cell);

@@ -37,11 +37,13 @@ struct LayerMap {
 SqliteConnection open_run_database(const std::filesystem::path& database);
 // What the fleet saw: visits summed (at most 255), obstacles of any robot.
 LayerMap load_merged_map(const std::filesystem::path& database);
-// What one robot saw; empty bounds when it is not known.
+// What one robot saw, in a frame of its own while it is apart; empty bounds when it is not known.
 LayerMap load_robot_map(const std::filesystem::path& database, std::uint16_t robot);
 // The same of a server's memory; `cell_um` of its run.
 LayerMap merged_map(const MapStore& store, std::int32_t cell_um);
 LayerMap robot_map(const MapStore& store, std::uint16_t robot, std::int32_t cell_um);
+// The robots whose maps are no part of the merged map: where their frames lie is not known.
+std::set<std::uint16_t> load_apart_robots(const std::filesystem::path& database);
 // The robots of the run, in order.
 std::vector<std::uint16_t> load_robot_ids(const std::filesystem::path& database);
 

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <iomanip>
 #include <limits>
+#include <sstream>
 
 namespace ivfm::host {
 namespace {
@@ -52,6 +54,7 @@ void MapServer::load(RunDatabase& database) {
   cell_um_ = database.cell_um();
   finder_ = database.finder();
   database.load_tiles(map_);
+  database.load_apart(apart_);
   first_seen_ = database.load_first_seen();
   for (RobotRecord& record : database.load_robots()) {
     Robot& robot = robots_[record.robot];
@@ -144,7 +147,8 @@ void MapServer::answer_hello(Robot& robot, const PeerAddress& from, const Opened
   Welcome welcome;
   welcome.knows_epoch = hello->resuming && header.epoch == known && !is_other_start;
   welcome.epoch = welcome.knows_epoch ? known : std::max(header.epoch, known + 1);
-  welcome.has_cells = map_.robot_tiles(robot.record.robot) != nullptr;
+  // Those that a robot told in an earlier start, in another frame, it cannot take back.
+  welcome.has_cells = !hello->apart && map_.robot_tiles(robot.record.robot) != nullptr;
   send_to(robot, from, header.boot, MessageKind::kWelcome, *encode(welcome, body_of(out_)));
 }
 
@@ -170,6 +174,7 @@ void MapServer::start_epoch(Robot& robot, const DatagramHeader& header, TimeUs n
   robot.hello = 0;
   robot.downlink = Downlink(config_.downlink);
   robot.to_acknowledge.clear();
+  robot.frame.reset();
   robot.command_pending = robot.command.has_value() && robot.command->code == CommandCode::kFound;
   log([time = to_sql(now_us), id = robot.record.robot,
        epoch = header.epoch](RunDatabase& database) {
@@ -215,15 +220,21 @@ bool MapServer::accept_cell_size(std::int32_t cell_um) {
   return false;
 }
 
+std::size_t MapServer::tile_count() const {
+  std::size_t count = map_.tile_count();
+  for (const auto& [robot, map] : apart_) count += map.tile_count();
+  return count;
+}
+
 bool MapServer::has_room_for(const Robot& robot, std::span<const std::uint8_t> body) {
   std::size_t missing = 0;
   MapUpdateReader reader(body);
   while (true) {
     const auto region = reader.next(cells_);
     if (!region.ok()) break;
-    missing += map_.missing_tiles(robot.record.robot, region->layer, region->rect);
+    missing += map_of(robot).missing_tiles(robot.record.robot, region->layer, region->rect);
   }
-  if (map_.tile_count() + missing <= config_.max_tiles) return true;
+  if (tile_count() + missing <= config_.max_tiles) return true;
   ++counters_.dropped_full;
   return false;
 }
@@ -234,8 +245,8 @@ void MapServer::merge_regions(Robot& robot, std::uint32_t sequence, MapUpdateRea
   while (true) {
     const auto region = reader.next(cells_);
     if (!region.ok()) break;
-    map_.merge(robot.record.robot, robot.record.epoch, sequence, region->layer, region->rect,
-               region->cells, changes);
+    map_of(robot).merge(robot.record.robot, robot.record.epoch, sequence, region->layer,
+                        region->rect, region->cells, changes);
     LayerTraffic& traffic = robot.record.traffic.layers[static_cast<std::size_t>(region->layer)];
     traffic.bytes += region->wire_bytes;
     traffic.cells += region->cells.size();
@@ -247,7 +258,7 @@ void MapServer::note_changes(const Robot& robot, const std::vector<TileChange>& 
                              TimeUs now_us) {
   for (const TileChange& change : changes) {
     unsaved_tiles_.insert({robot.record.robot, change.key});
-    if (change.changed.empty()) continue;
+    if (change.changed.empty() || is_apart(robot)) continue;
     CellRect& changed = uncommitted_changes_[robot.record.robot][change.key];
     changed = changed.united(change.changed);
     changed_tiles_.insert(change.key);
@@ -295,12 +306,54 @@ void MapServer::handle_hello(Robot& robot, std::uint32_t sequence,
     });
     return;
   }
+  take_frame(robot, *hello, now_us);
   robot.to_acknowledge.push_back(sequence);
-  if (hello->moved_frame && robot.begins_epoch) forget_frame(robot, now_us);
   if (sequence < robot.hello) return;
   robot.record.name = std::string(hello->name());
-  set_window(robot, hello->window.empty() ? kAllCells : hello->window);
+  if (!is_apart(robot)) set_window(robot, hello->window.empty() ? kAllCells : hello->window);
   robot.hello = sequence;
+}
+
+MapStore& MapServer::map_of(const Robot& robot) {
+  const auto apart = apart_.find(robot.record.robot);
+  return apart == apart_.end() ? map_ : apart->second;
+}
+
+// What a hello says of the frame in which the robot's cells are. It is the same in a whole epoch.
+void MapServer::take_frame(Robot& robot, const Hello& hello, TimeUs now_us) {
+  const bool was_apart = is_apart(robot);
+  if (hello.apart) {
+    if (robot.begins_epoch || !was_apart) keep_apart(robot, now_us);
+  } else if (was_apart) {
+    if (!unsaved_tiles_.empty()) commit(now_us);
+    end_apart(robot);
+    if (!hello.moved_frame) return;  // started again where it knows its start
+    robot.command_pending = robot.command.has_value();
+    log([time = to_sql(now_us), id = robot.record.robot](RunDatabase& database) {
+      database.add_event(time, id, "joined", "its map is part of the team's");
+    });
+  } else if (hello.moved_frame && robot.begins_epoch) {
+    forget_frame(robot, now_us);
+  }
+}
+
+// Every start of a robot that does not know where it is has a map frame of its own.
+void MapServer::keep_apart(Robot& robot, TimeUs now_us) {
+  if (!unsaved_tiles_.empty()) commit(now_us);  // those of its earlier frame
+  end_apart(robot);
+  apart_[robot.record.robot];
+  robot.pose.reset();
+  robot.goal.reset();
+  log([time = to_sql(now_us), id = robot.record.robot](RunDatabase& database) {
+    database.add_event(time, id, "apart", "it does not know where it is: its map is kept apart");
+  });
+}
+
+void MapServer::end_apart(Robot& robot) {
+  const std::uint16_t id = robot.record.robot;
+  if (apart_.erase(id) == 0) return;
+  frame_finder_.forget(id);
+  log([id](RunDatabase& database) { database.forget_apart(id); });
 }
 
 // All that the robot said was in another frame.
@@ -345,7 +398,7 @@ void MapServer::handle_restore_request(Robot& robot, std::span<const std::uint8_
 RestoreCursor MapServer::write_own_cells(const Robot& robot, const RestoreRequest& request,
                                          MapUpdateWriter& writer) {
   constexpr RestoreCursor kDone{.layer = RestoreCursor::kEnd};
-  const auto* tiles = map_.robot_tiles(robot.record.robot);
+  const auto* tiles = map_of(robot).robot_tiles(robot.record.robot);
   if (tiles == nullptr || request.from.layer >= kLayerCount) return kDone;
   const TileKey from{static_cast<Layer>(request.from.layer), request.from.tile_x,
                      request.from.tile_y};
@@ -381,7 +434,7 @@ void MapServer::handle_status(Robot& robot, std::span<const std::uint8_t> body, 
   const std::uint16_t id = robot.record.robot;
   const std::int64_t time = to_sql(now_us);
   log([=](RunDatabase& database) { database.add_status(time, id, *status); });
-  if (robot.goal == status->goal) return;
+  if (robot.goal == status->goal || is_apart(robot)) return;
   robot.goal = status->goal;
   log([=](RunDatabase& database) { database.add_goal(time, id, status->goal); });
 }
@@ -410,6 +463,7 @@ void MapServer::handle_found(Robot& robot, std::uint32_t sequence,
 
 // Logs where the robot is. The caller has checked that `packed` can be unpacked.
 void MapServer::take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us) {
+  if (is_apart(robot)) return;
   const Pose pose = *unpack_pose(packed);
   robot.pose = pose;
   robot.pose_us = now_us;
@@ -423,13 +477,42 @@ void MapServer::take_pose(Robot& robot, const PackedPose& packed, TimeUs now_us)
 
 void MapServer::step(TimeUs now_us) {
   if (now_us - last_commit_us_ >= config_.commit_period_us) commit(now_us);
+  find_frames(now_us);
   for (auto& entry : robots_) {
     Robot& robot = entry.second;
     if (!robot.heard || now_us - robot.last_heard_us > kAwayAfterUs) continue;
     send_command_if_due(robot, now_us);
     send_places(robot, now_us);
+    send_frame_if_due(robot, now_us);
     send_downlink(robot, now_us);
   }
+}
+
+// Where maps that are kept apart lie in the team's.
+void MapServer::find_frames(TimeUs now_us) {
+  if (apart_.empty() || !cell_um_) return;
+  const auto found = frame_finder_.step(map_, apart_, *cell_um_, now_us);
+  if (!found) return;
+  Robot& robot = robots_.at(found->robot);
+  robot.frame = MapFrame{robot.record.epoch, found->match.frame};
+  robot.frame_sent_us = 0;
+  log([time = to_sql(now_us), found = *found](RunDatabase& database) {
+    const Pose& frame = found.match.frame;
+    std::ostringstream text;
+    text << std::fixed << std::setprecision(2) << "its map frame lies at x "
+         << frame.position.x_um * 1e-6 << " m, y " << frame.position.y_um * 1e-6 << " m, "
+         << std::setprecision(1) << frame.heading.degrees() << " degrees; " << found.match.wall_m
+         << " m of walls in both maps";
+    database.add_event(time, found.robot, "aligned", text.str());
+  });
+}
+
+// Until the robot begins the epoch in which it is part of the team.
+void MapServer::send_frame_if_due(Robot& robot, TimeUs now_us) {
+  if (!robot.frame) return;
+  if (robot.frame_sent_us != 0 && now_us - robot.frame_sent_us < kCommandRetryUs) return;
+  robot.frame_sent_us = now_us;
+  send(robot, MessageKind::kMapFrame, *encode(*robot.frame, body_of(out_)));
 }
 
 void MapServer::finish(TimeUs now_us) {
@@ -454,14 +537,17 @@ void MapServer::commit(TimeUs now_us) {
 
 void MapServer::save(RunDatabase& database, TimeUs now_us) {
   database.begin();
+  for (const Row& row : rows_) row(database);  // first: the tiles are those of now
   for (const auto& [robot, key] : unsaved_tiles_) {
-    database.save_tile(robot, key, *map_.robot_tile(robot, key));
+    const auto apart = apart_.find(robot);
+    const bool is_apart = apart != apart_.end();
+    database.save_tile(robot, key, *(is_apart ? apart->second : map_).robot_tile(robot, key),
+                       is_apart);
   }
   for (const TileKey& key : unsaved_first_seen_) database.save_first_seen(key, first_seen_.at(key));
   for (const std::uint16_t robot : unsaved_robots_) {
     database.save_robot(robots_.at(robot).record);
   }
-  for (const Row& row : rows_) row(database);
   database.save_time(to_sql(now_us));
   database.commit();
 }
@@ -619,7 +705,7 @@ std::vector<RobotView> MapServer::robots() const {
   for (const auto& [id, robot] : robots_) {
     if (robot.record.epoch == 0) continue;  // has only asked who is there
     views.push_back({id, robot.record.name, robot.record.last_seen_us, robot.record.traffic,
-                     robot.pose, robot.goal, robot.status});
+                     is_apart(robot), robot.pose, robot.goal, robot.status});
   }
   return views;
 }

@@ -15,6 +15,7 @@
 
 #include "firmware/hal/clock.h"
 #include "host/map_server/downlink.h"
+#include "host/map_server/frame_finder.h"
 #include "host/map_server/map_store.h"
 #include "host/map_server/peer_address.h"
 #include "host/map_server/run_database.h"
@@ -75,6 +76,7 @@ struct RobotView {
   std::string name;
   std::int64_t last_seen_us = 0;
   TrafficCounters traffic;
+  bool apart = false;  // where its map frame lies is not known: no pose and no goal in the team's
   // Since this server started; nothing before the robot was heard.
   std::optional<Pose> pose;
   std::optional<Cell> goal;  // the robot's own cell when it has none
@@ -114,7 +116,10 @@ class MapServer {
   void send_command(std::uint16_t robot, CommandCode code);
   void send_command_to_all(CommandCode code);
 
+  // The team's.
   const MapStore& map() const { return map_; }
+  // Those of robots of which is not known where their map frames lie.
+  const ApartMaps& apart_maps() const { return apart_; }
   std::optional<std::int32_t> cell_um() const { return cell_um_; }
   // What robots know this start of the server by.
   std::uint64_t boot() const { return config_.boot; }
@@ -150,6 +155,8 @@ class MapServer {
     bool command_pending = false;
     std::uint32_t command_sequence = 0;
     TimeUs command_sent_us = 0;
+    std::optional<MapFrame> frame;  // where its map frame was found to lie, while it is apart
+    TimeUs frame_sent_us = 0;
     TrafficCounters logged_traffic;
   };
   using Row = std::function<void(RunDatabase&)>;
@@ -160,6 +167,12 @@ class MapServer {
   bool is_present_start(Robot& robot, const DatagramHeader& header, TimeUs now_us);
   void start_epoch(Robot& robot, const DatagramHeader& header, TimeUs now_us);
   void forget_frame(Robot& robot, TimeUs now_us);
+  void take_frame(Robot& robot, const Hello& hello, TimeUs now_us);
+  void keep_apart(Robot& robot, TimeUs now_us);
+  void end_apart(Robot& robot);
+  MapStore& map_of(const Robot& robot);
+  bool is_apart(const Robot& robot) const { return apart_.contains(robot.record.robot); }
+  std::size_t tile_count() const;
   void note_changes(const Robot& robot, const std::vector<TileChange>& changes, TimeUs now_us);
   void answer_hello(Robot& robot, const PeerAddress& from, const OpenedDatagram& opened);
   void take(Robot& robot, const OpenedDatagram& opened, TimeUs now_us);
@@ -196,6 +209,8 @@ class MapServer {
   bool send_downlink_datagram(Robot& robot, TimeUs now_us);
   void send_command_if_due(Robot& robot, TimeUs now_us);
   void send_places(Robot& robot, TimeUs now_us);
+  void find_frames(TimeUs now_us);
+  void send_frame_if_due(Robot& robot, TimeUs now_us);
   void set_command(Robot& robot, CommandCode code);
   std::uint32_t send(Robot& robot, MessageKind kind, std::size_t body_size);
   std::uint32_t send_to(Robot& robot, const PeerAddress& to, std::uint64_t receiver_boot,
@@ -207,6 +222,8 @@ class MapServer {
   MapServerConfig config_;
   MapServerCounters counters_;
   MapStore map_;
+  ApartMaps apart_;
+  FrameFinder frame_finder_;
   std::map<std::uint16_t, Robot> robots_;
   std::optional<std::int32_t> cell_um_;
   std::optional<std::uint16_t> finder_;

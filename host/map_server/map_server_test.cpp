@@ -32,7 +32,9 @@ PeerAddress address_of(std::size_t robot) {
 // Robots with real links, each on a radio of its own, and a real server on a real database.
 class Team : public DatagramSender {
  public:
-  explicit Team(std::size_t robots, std::uint32_t seed = 1, RadioFaults faults = {}) {
+  // The last `apart` of the robots do not know where they are.
+  explicit Team(std::size_t robots, std::uint32_t seed = 1, RadioFaults faults = {},
+                std::size_t apart = 0) {
     for (std::size_t i = 0; i < robots; ++i) {
       auto member = std::make_unique<Member>(seed * 100 + static_cast<std::uint32_t>(i), faults);
       MapLinkConfig config;
@@ -40,6 +42,7 @@ class Team : public DatagramSender {
       config.epoch = 10;
       config.name = "robot";
       config.batch_period_us = 300000;
+      config.apart = i + apart >= robots;
       member->link.emplace(member->map, member->radio.robot(), config);
       members_.push_back(std::move(member));
     }
@@ -116,6 +119,19 @@ class Team : public DatagramSender {
       members_[robot]->link->mark_dirty(layer, kWindow);
     }
   }
+  // The robot's map is turned by half a turn, so that cell (0, 0) comes to `to`.
+  void turn_half(std::size_t robot, Cell to) {
+    SmallMap& map = members_[robot]->map;
+    const SmallMap before = map;
+    for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
+      for_each_cell(kWindow, [&](Cell c) {
+        const Cell from{to.x - c.x, to.y - c.y};
+        map.set_own(layer, c, before.own(layer, from));
+      });
+      members_[robot]->link->mark_dirty(layer, kWindow);
+    }
+  }
+  const SmallMap& map_of(std::size_t robot) const { return members_[robot]->map; }
   void set_obstacles(std::size_t robot, const CellRect& rect, std::uint8_t value) {
     SmallMap& map = members_[robot]->map;
     for_each_cell(rect, [&](Cell c) { map.set_own(Layer::kObstacles, c, value); });
@@ -317,6 +333,72 @@ TEST(MapServer, WhatARobotSaidInAWrongFrameIsForgottenEverywhere) {
   team.start_server();
   ASSERT_TRUE(team.settle(60 * kSecond));
   team.expect_consistent("after a frame that moved without a server");
+}
+
+// A floor that looks like no other, in two robots' maps: 5 m by 4 m.
+void explore_floor(Team& team, std::size_t robot) {
+  const std::array walls = {CellRect{-40, -40, 100, 2}, CellRect{-40, 38, 100, 2},
+                            CellRect{-40, -40, 2, 80},  CellRect{58, -40, 2, 80},
+                            CellRect{0, -40, 2, 30},    CellRect{30, 0, 30, 2},
+                            CellRect{-20, 10, 20, 2},   CellRect{40, -20, 6, 6}};
+  team.visit(robot, kWindow);
+  for (const CellRect& wall : walls) team.set_obstacles(robot, wall, 1);
+}
+
+TEST(MapServer, ARobotThatDoesNotKnowWhereItIsStaysApartUntilItIsFound) {
+  Team team(3, 5, {.drop = 0.2, .duplicate = 0.2, .reorder = 0.2}, 1);
+  const Cell corner{19, -1};  // where half a turn leaves the window as it is
+  explore_floor(team, 2);
+  team.turn_half(2, corner);
+  team.visit(1, {5, 5, 10, 10});
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  const auto expect_apart = [&](const std::string& note) {
+    const MapServer& server = team.server();
+    ASSERT_EQ(server.apart_maps().count(3), 1u) << note;
+    for_each_cell(kWindow, [&](Cell c) {
+      for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
+        ASSERT_EQ(server.apart_maps().at(3).robot_value(3, layer, c), team.map_of(2).own(layer, c))
+            << note;
+        ASSERT_EQ(team.map_of(0).peers(layer, c), team.map_of(1).own(layer, c)) << note;
+        ASSERT_EQ(team.map_of(2).peers(layer, c), 0) << note;
+      }
+    });
+    EXPECT_EQ(server.map().robot_tiles(3), nullptr) << note;
+    EXPECT_TRUE(server.robots().back().apart) << note;
+    EXPECT_FALSE(server.robots().back().pose.has_value()) << note;
+    EXPECT_FALSE(server.robots().front().apart) << note;
+  };
+  expect_apart("at first");
+  team.stop_server();
+  team.start_server();
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  expect_apart("after a restart of the server");
+  EXPECT_FALSE(team.link(2).take_frame().has_value());
+
+  explore_floor(team, 0);
+  std::optional<Pose> frame;
+  for (int i = 0; i < 80 && !frame; ++i) {
+    team.run(kSecond);
+    frame = team.link(2).take_frame();
+  }
+  ASSERT_TRUE(frame.has_value());
+  EXPECT_NEAR(std::abs(frame->heading.degrees()), 180, 0.3);
+  EXPECT_NEAR(frame->position.x_um, (corner.x + 1) * 50'000, 20'000);
+  EXPECT_NEAR(frame->position.y_um, (corner.y + 1) * 50'000, 20'000);
+  team.turn_half(2, corner);
+  team.link(2).move_frame();
+  for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
+    team.link(2).mark_dirty(layer, kWindow);
+  }
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  team.expect_consistent("joined");
+  EXPECT_TRUE(team.server().apart_maps().empty());
+  EXPECT_TRUE(team.server().robots().back().pose.has_value());
+  team.stop_server();
+  team.start_server();
+  ASSERT_TRUE(team.settle(60 * kSecond));
+  team.expect_consistent("after another restart");
+  EXPECT_TRUE(team.server().apart_maps().empty());
 }
 
 TEST(MapServer, CommandsAreRepeatedUntilAcknowledged) {

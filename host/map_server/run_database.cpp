@@ -128,6 +128,17 @@ constexpr std::array kForgetSql{
 };
 #undef IVFM_FORGET
 
+// As the table tiles; only in runs in which a robot did not know where it was.
+constexpr const char* kApartSchema =
+    "CREATE TABLE IF NOT EXISTS apart_tiles (robot INTEGER NOT NULL, layer INTEGER NOT NULL, "
+    "tile_x INTEGER NOT NULL, tile_y INTEGER NOT NULL, epoch INTEGER NOT NULL, "
+    "cells BLOB NOT NULL, sequences BLOB, PRIMARY KEY (robot, layer, tile_x, tile_y))";
+#define IVFM_SAVE_TILE(table)                                                  \
+  "INSERT INTO " table                                                         \
+  " VALUES (?, ?, ?, ?, ?, ?, ?) "                                             \
+  "ON CONFLICT DO UPDATE SET epoch = excluded.epoch, cells = excluded.cells, " \
+  "sequences = excluded.sequences"
+
 std::runtime_error sentence(const std::filesystem::path& path, const std::string& what) {
   return std::runtime_error("run database '" + path.string() + "' " + what);
 }
@@ -192,6 +203,11 @@ void check_run_database(SqliteConnection& connection, const std::filesystem::pat
                              ", but this program knows only version " +
                              std::to_string(kRunDatabaseVersion));
   }
+}
+
+bool has_apart_tiles(SqliteConnection& connection) {
+  return connection.integer("SELECT count(*) FROM sqlite_master WHERE name = 'apart_tiles'")
+             .value_or(0) != 0;
 }
 
 SqliteConnection RunDatabase::open_checked(const std::filesystem::path& path) {
@@ -274,8 +290,20 @@ std::vector<RobotRecord> RunDatabase::load_robots() {
 }
 
 void RunDatabase::load_tiles(MapStore& store) {
-  SqliteStatement& rows =
-      statement("SELECT robot, layer, tile_x, tile_y, epoch, cells, sequences FROM tiles");
+  load_tiles_of("SELECT robot, layer, tile_x, tile_y, epoch, cells, sequences FROM tiles",
+                [&store](std::uint16_t) -> MapStore& { return store; });
+}
+
+void RunDatabase::load_apart(std::map<std::uint16_t, MapStore>& stores) {
+  if (!has_apart_tiles(connection_)) return;
+  load_tiles_of("SELECT robot, layer, tile_x, tile_y, epoch, cells, sequences FROM apart_tiles",
+                [&stores](std::uint16_t robot) -> MapStore& { return stores[robot]; });
+}
+
+// Puts each tile into the store that `place` names for its robot.
+template <typename Place>
+void RunDatabase::load_tiles_of(const char* sql, Place place) {
+  SqliteStatement& rows = statement(sql);
   while (rows.row()) {
     const auto layer = rows.integer(1);
     const auto cells = rows.blob(5);
@@ -293,7 +321,8 @@ void RunDatabase::load_tiles(MapStore& store) {
       ByteReader reader(rows.blob(6));
       for (std::uint32_t& sequence : *tile.sequences) sequence = reader.u32();
     }
-    store.restore(static_cast<std::uint16_t>(rows.integer(0)), key, std::move(tile));
+    const auto robot = static_cast<std::uint16_t>(rows.integer(0));
+    place(robot).restore(robot, key, std::move(tile));
   }
 }
 
@@ -359,12 +388,12 @@ void RunDatabase::save_robot(const RobotRecord& robot) {
   bind_traffic(insert, robot.traffic).run();
 }
 
-void RunDatabase::save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile) {
+void RunDatabase::save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile,
+                            bool apart) {
+  if (apart) connection_.execute(kApartSchema);
   // Not REPLACE: the row stays where it is.
-  SqliteStatement& insert = statement(
-      "INSERT INTO tiles VALUES (?, ?, ?, ?, ?, ?, ?) "
-      "ON CONFLICT DO UPDATE SET epoch = excluded.epoch, cells = excluded.cells, "
-      "sequences = excluded.sequences");
+  SqliteStatement& insert =
+      statement(apart ? IVFM_SAVE_TILE("apart_tiles") : IVFM_SAVE_TILE("tiles"));
   insert.bind(std::int64_t{robot})
       .bind(static_cast<std::int64_t>(key.layer))
       .bind(std::int64_t{key.x})
@@ -377,6 +406,11 @@ void RunDatabase::save_tile(std::uint16_t robot, const TileKey& key, const Robot
   } else {
     insert.bind_null().run();
   }
+}
+
+void RunDatabase::forget_apart(std::uint16_t robot) {
+  if (!has_apart_tiles(connection_)) return;
+  statement("DELETE FROM apart_tiles WHERE robot = ?").bind(std::int64_t{robot}).run();
 }
 
 void RunDatabase::save_first_seen(const TileKey& key, const FirstSeen& seen) {

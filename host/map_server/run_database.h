@@ -78,6 +78,8 @@ class RunDatabase {
   // What is stored.
   std::vector<RobotRecord> load_robots();
   void load_tiles(MapStore& store);
+  // The maps of robots that are kept apart.
+  void load_apart(std::map<std::uint16_t, MapStore>& stores);
   // When each cell of the merged map was seen first, tenths of a second + 1; 0: not yet.
   std::map<TileKey, FirstSeen> load_first_seen();
   std::optional<std::int32_t> cell_um();
@@ -95,7 +97,10 @@ class RunDatabase {
   void save_cell_um(std::int32_t cell_um);
   void save_time(std::int64_t time_us);
   void save_robot(const RobotRecord& robot);
-  void save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile);
+  // `apart`: the robot's map frame is its own. A table for such tiles is there only after that.
+  void save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile,
+                 bool apart = false);
+  void forget_apart(std::uint16_t robot);
   void save_first_seen(const TileKey& key, const FirstSeen& seen);
   // What a judge who knows the world says of the run.
   void save_outcome(std::string_view key, double value);
@@ -128,6 +133,8 @@ class RunDatabase {
     int fd_;
   };
 
+  template <typename Place>
+  void load_tiles_of(const char* sql, Place place);
   static SqliteConnection open_checked(const std::filesystem::path& path);
   SqliteStatement& statement(const char* sql);
 
@@ -138,6 +145,9 @@ class RunDatabase {
   SqliteConnection connection_;
   std::map<const char*, SqliteStatement> statements_;
 };
+
+// Whether some robot's tiles are kept apart: then there is the table apart_tiles.
+bool has_apart_tiles(SqliteConnection& connection);
 
 // Throws std::runtime_error with one sentence when `connection`'s file is not a run database that
 // this build understands. An empty file passes when `allow_empty`.

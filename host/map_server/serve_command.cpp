@@ -69,6 +69,7 @@ std::string summary(const MapServer& server, TimeUs now_us) {
        << server.robot_count() << (server.robot_count() == 1 ? " robot  " : " robots  ")
        << server.map().explored_cells() << " cells explored  in " << kib(counters.traffic.bytes_in)
        << "  out " << kib(counters.traffic.bytes_out) << "  dropped " << counters.dropped();
+  for (const auto& [robot, map] : server.apart_maps()) text << "  robot " << robot << " apart";
   return text.str();
 }
 

@@ -76,6 +76,10 @@ void add_robots(MetricsText& out, const MapServer& server, TimeUs now_us) {
     out.sample("ivfm_robot_silence_seconds{robot=\"" + std::to_string(robot.robot) + "\"}",
                std::max(0.0, static_cast<double>(silence_us) / 1e6));
   }
+  out.head("ivfm_robot_apart", "gauge", "1: its place in the team's map is not known (yet).");
+  for (const RobotView& robot : robots) {
+    out.sample("ivfm_robot_apart{robot=\"" + std::to_string(robot.robot) + "\"}", robot.apart);
+  }
 }
 
 // The metrics that every Prometheus client library gives of its process.

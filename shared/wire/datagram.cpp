@@ -26,7 +26,8 @@ constexpr bool is_known(MessageKind kind) {
     case MessageKind::kCommand:
     case MessageKind::kWelcome:
     case MessageKind::kRestore:
-    case MessageKind::kPlaces: return true;
+    case MessageKind::kPlaces:
+    case MessageKind::kMapFrame: return true;
   }
   return false;
 }

@@ -36,6 +36,7 @@ enum class MessageKind : std::uint8_t {
   kWelcome = 0x84,
   kRestore = 0x85,
   kPlaces = 0x86,
+  kMapFrame = 0x87,
 };
 
 constexpr bool is_from_server(MessageKind kind) {

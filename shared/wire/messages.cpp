@@ -100,7 +100,8 @@ Result<std::size_t> encode(const Hello& message, std::span<std::uint8_t> out) {
   ByteWriter writer(out);
   writer.u24(static_cast<std::uint32_t>(message.cell_um));
   write_window(writer, message.window);
-  writer.u8(static_cast<std::uint8_t>((message.resuming ? 1 : 0) | (message.moved_frame ? 2 : 0)));
+  writer.u8(static_cast<std::uint8_t>((message.resuming ? 1 : 0) | (message.moved_frame ? 2 : 0) |
+                                      (message.apart ? 4 : 0)));
   writer.u8(message.name_size);
   for (const char c : message.name()) writer.u8(static_cast<std::uint8_t>(c));
   return finished(writer);
@@ -115,9 +116,10 @@ Result<Hello> decode_hello(std::span<const std::uint8_t> body) {
   const std::uint8_t name_size = reader.u8();
   const auto name = reader.bytes(name_size);
   if (const Status status = ending(reader); !ok(status)) return status;
-  if (name_size > Hello::kMaxName || message.cell_um == 0 || flags > 3) return Status::kCorrupt;
+  if (name_size > Hello::kMaxName || message.cell_um == 0 || flags > 7) return Status::kCorrupt;
   message.resuming = (flags & 1) != 0;
   message.moved_frame = (flags & 2) != 0;
+  message.apart = (flags & 4) != 0;
   for (const std::uint8_t c : name) {
     if (!is_printable(static_cast<char>(c))) return Status::kCorrupt;
     message.name_storage[message.name_size++] = static_cast<char>(c);
@@ -264,6 +266,26 @@ Result<RobotPlaces> decode_robot_places(std::span<const std::uint8_t> body) {
     place.age_10ms = reader.u8();
     if (!um_from_float16(place.x).ok() || !um_from_float16(place.y).ok()) return Status::kCorrupt;
   }
+  if (const Status status = ending(reader); !ok(status)) return status;
+  return message;
+}
+
+Result<std::size_t> encode(const MapFrame& message, std::span<std::uint8_t> out) {
+  ByteWriter writer(out);
+  writer.u32(message.epoch);
+  writer.i32(message.frame.position.x_um);
+  writer.i32(message.frame.position.y_um);
+  writer.u16(message.frame.heading.raw());
+  return finished(writer);
+}
+
+Result<MapFrame> decode_map_frame(std::span<const std::uint8_t> body) {
+  ByteReader reader(body);
+  MapFrame message;
+  message.epoch = reader.u32();
+  message.frame.position.x_um = reader.i32();
+  message.frame.position.y_um = reader.i32();
+  message.frame.heading = BinaryAngle(reader.u16());
   if (const Status status = ending(reader); !ok(status)) return status;
   return message;
 }

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "shared/geometry/grid_frame.h"
+#include "shared/geometry/pose.h"
 #include "shared/status/status.h"
 #include "shared/wire/float16.h"
 
@@ -39,6 +40,8 @@ struct Hello {
   bool resuming = false;     // since this start a server has welcomed it already
   // In this epoch its cells are in another frame than before: what it said earlier holds no more.
   bool moved_frame = false;
+  // Where its map frame lies in the team's is not known: the server keeps its map apart.
+  bool apart = false;
   std::array<char, kMaxName> name_storage{};  // printable ASCII
   std::uint8_t name_size = 0;
   std::string_view name() const { return {name_storage.data(), name_size}; }
@@ -146,5 +149,16 @@ struct RobotPlaces {
 };
 Result<std::size_t> encode(const RobotPlaces& message, std::span<std::uint8_t> out);
 Result<RobotPlaces> decode_robot_places(std::span<const std::uint8_t> body);
+
+// Where the map frame of a robot that was kept apart lies; sent until the robot begins its next
+// epoch, in which its cells are in the team's frame.
+struct MapFrame {
+  std::uint32_t epoch = 0;  // the robot's, for which this holds
+  Pose frame;               // T_team_robot's frame
+  constexpr bool operator==(const MapFrame&) const = default;
+};
+inline constexpr std::size_t kMapFrameBytes = 14;
+Result<std::size_t> encode(const MapFrame& message, std::span<std::uint8_t> out);
+Result<MapFrame> decode_map_frame(std::span<const std::uint8_t> body);
 
 }  // namespace ivfm

@@ -86,8 +86,8 @@ TEST(Messages, HelloRefusesLongOrUnprintableNamesUnknownFlagsAndCellsOfNoSize) {
   EXPECT_EQ(hello_with(1, 0, {'x'}), Status::kOk);
   EXPECT_EQ(hello_with(1, 0, Bytes(25, 'x')), Status::kCorrupt);
   EXPECT_EQ(hello_with(1, 0, {0x07}), Status::kCorrupt);
-  EXPECT_EQ(hello_with(1, 3, {'x'}), Status::kOk);
-  EXPECT_EQ(hello_with(1, 4, {'x'}), Status::kCorrupt);
+  EXPECT_EQ(hello_with(1, 7, {'x'}), Status::kOk);
+  EXPECT_EQ(hello_with(1, 8, {'x'}), Status::kCorrupt);
   EXPECT_EQ(hello_with(0, 0, {'x'}), Status::kCorrupt);
 }
 
@@ -158,6 +158,15 @@ TEST(Messages, PlacesAreAtMostEight) {
   EXPECT_EQ(decode_robot_places(Bytes{0, 0x7c, 0, 0, 0}).status(), Status::kCorrupt);  // infinite
 }
 
+TEST(Messages, AMapFrameIsForOneEpoch) {
+  const MapFrame message{0x01020304, {{1'500'000, -2}, BinaryAngle(0x8001)}};
+  const Bytes body = encoded(message);
+  EXPECT_EQ(body, (Bytes{4, 3, 2, 1, 0x60, 0xe3, 0x16, 0, 0xfe, 0xff, 0xff, 0xff, 0x01, 0x80}));
+  EXPECT_EQ(body.size(), kMapFrameBytes);
+  EXPECT_EQ(*decode_map_frame(body), message);
+  expect_exact_size(message, decode_map_frame);
+}
+
 TEST(Messages, RandomBytesNeverHarm) {
   std::mt19937 random(1);
   for (int round = 0; round < 50000; ++round) {
@@ -172,6 +181,7 @@ TEST(Messages, RandomBytesNeverHarm) {
     static_cast<void>(decode_found_report(body));
     static_cast<void>(decode_command(body));
     static_cast<void>(decode_robot_places(body));
+    static_cast<void>(decode_map_frame(body));
   }
 }
 

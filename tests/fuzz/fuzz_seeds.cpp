@@ -77,6 +77,11 @@ void write_messages() {
   write_small("status", RobotStatus{}, MessageKind::kStatus);
   write_small("found", FoundReport{}, MessageKind::kFound);
   write_small("request", RestoreRequest{{0, 0, 9, 9}, {}}, MessageKind::kRestoreRequest);
+  write_small("places", RobotPlaces{{RobotPlace{0x3c00, 0xbc00, 9}}, 1}, MessageKind::kPlaces);
+  write_small("map_frame", MapFrame{1, {{1'000'000, -2'000'000}, BinaryAngle(30000)}},
+              MessageKind::kMapFrame);
+  hello.apart = true;
+  write_small("hello_apart", hello, MessageKind::kHello);
   Bytes restore = map_update(kRestoreHeaderBytes);
   static_cast<void>(encode(RestoreHeader{{}, {1, 0, 0}}, restore));
   write_message("restore", restore, MessageKind::kRestore);

@@ -49,13 +49,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::Input input(data, size);
   Nowhere map;
   OneDatagram socket;
-  MapLink link(map, socket, {});
+  MapLink link(map, socket, {.apart = !input.empty() && (*data & 1) != 0});
   link.clip({-100, -100, 200, 200});
   std::uint32_t sequence = 0;
   TimeUs now_us = 1;
   const auto deliver = [&](std::vector<std::uint8_t> datagram) {
     socket.next = std::move(datagram);
     link.step(now_us += 100'000, {});
+    if (link.take_frame()) link.move_frame();
   };
   std::array<std::uint8_t, 8> welcome;
   const std::size_t welcome_size = *encode(Welcome{1, true, true}, welcome);

@@ -31,6 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   check(body, decode_found_report);
   check(body, decode_command);
   check(body, decode_robot_places);
+  check(body, decode_map_frame);
   if (size >= kRestoreHeaderBytes) check(body.first(kRestoreHeaderBytes), decode_restore_header);
   return 0;
 }

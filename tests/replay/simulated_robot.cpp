@@ -17,6 +17,12 @@ constexpr host::RplidarEmulatorConfig half_rate_lidar() {
   return config;
 }
 
+std::shared_ptr<Agent> make_agent(ProfileId profile, const AgentConfig& config,
+                                  const AgentPorts& ports) {
+  if (profile == ProfileId::kRobot) return std::make_shared<AgentFor<RobotProfile>>(config, ports);
+  return std::make_shared<AgentFor<McuProfile>>(config, ports);
+}
+
 }  // namespace
 
 AgentConfig as_stored(const AgentConfig& config) {
@@ -30,14 +36,17 @@ AgentConfig as_stored(const AgentConfig& config) {
 
 SimulatedRobot::SimulatedRobot(const AgentConfig& config, const Pose& start,
                                std::shared_ptr<const host::World> world,
-                               const host::OdometryNoise& noise, std::uint64_t seed)
+                               const host::OdometryNoise& noise, std::uint64_t seed,
+                               ProfileId profile)
     : world_(world),
       rays_(world),
       random_(seed, config.link.robot),
       body_({}, host::to_true_pose(start), noise, seed + config.link.robot),
       rplidar_(half_rate_lidar()),
-      writer_({Subject::kAgent, ProfileId::kMcu, config}),
-      agent_(config, AgentPorts{recorder_.serial(), recorder_.can(), recorder_.radio(), clock_}) {
+      writer_({Subject::kAgent, profile, config}),
+      agent_(
+          make_agent(profile, config,
+                     AgentPorts{recorder_.serial(), recorder_.can(), recorder_.radio(), clock_})) {
   rplidar_.set_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
 }
 
@@ -81,7 +90,7 @@ void SimulatedRobot::tick(TimeUs now_us) {
   roll_wheels();
   serial_.set_now(now_us);
   if (now_us % kAgentPeriodUs != 0) return;
-  agent_.step(now_us);
+  agent_->step(now_us);
   recorder_.end_step(now_us);
 }
 

@@ -22,7 +22,7 @@ class SimulatedRobot {
   // It stands at `start`, whatever `config` says.
   SimulatedRobot(const AgentConfig& config, const Pose& start,
                  std::shared_ptr<const host::World> world, const host::OdometryNoise& noise,
-                 std::uint64_t seed);
+                 std::uint64_t seed, ProfileId profile = ProfileId::kMcu);
 
   // Lets 2 ms pass; every 10 ms the agent makes a step.
   void tick(TimeUs now_us);
@@ -31,7 +31,7 @@ class SimulatedRobot {
   // Where other robots are from now on: its lidar sees them, and it drives into none of them.
   void meet(std::vector<host::TruePose> others) { others_ = std::move(others); }
 
-  Agent& agent() { return agent_; }
+  Agent& agent() { return *agent_; }
   const host::RobotBody& body() const { return body_; }
   const ReplayWriter& writer() const { return writer_; }
   host::RadioQueue& radio() { return radio_; }
@@ -61,7 +61,7 @@ class SimulatedRobot {
   StillClock clock_;
   ReplayWriter writer_;
   PortRecorder recorder_{writer_, serial_, wire_.end(0), radio_};
-  AgentFor<McuProfile> agent_;
+  std::shared_ptr<Agent> agent_;
 };
 
 // `config` as a replay file keeps it: what the file has no place for is as by default.

@@ -60,6 +60,8 @@ const std::array kOptions{
     Option{"start", StartPose{}, "Pose at start-up: X,Y,HEADING in metres and degrees"},
     Option{"rough-start", &AgentOptions::rough_start,
            "The start pose may be 0.5 m and 15 degrees wrong: correct it by the others' map"},
+    Option{"unknown-start", &AgentOptions::unknown_start,
+           "The start pose is not known: explore apart until the server has found it"},
     Option{"target", &AgentOptions::target,
            "X,Y in metres: the robot that sees this place ends the search for all"},
     Option{"return-home", &AgentOptions::return_home, "Drive back to the start when done"},
@@ -354,6 +356,9 @@ void check_together(const AgentOptions& options) {
   }
   if (options.radio_rate != 0 && options.radio_rate < 1000) {
     throw OptionsError("radio-rate: right is 0 for no limit, or 1000 bytes a second at least");
+  }
+  if (options.rough_start && options.unknown_start) {
+    throw OptionsError("rough-start and unknown-start: right is one of them");
   }
   if (!options.target.empty() && !parse_place(options.target)) {
     throw OptionsError("target: '" + options.target + "' is not X,Y, for example 12.5,-3");

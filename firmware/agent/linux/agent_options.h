@@ -36,11 +36,12 @@ struct AgentOptions {
   double start_x_m = 0;  // pose in the map at start-up
   double start_y_m = 0;
   double start_heading_deg = 0;
-  bool rough_start = false;  // that pose may be 0.5 m and 15 degrees wrong
-  std::string target;        // X,Y in metres: the search is over once it was seen; empty: none
-  bool return_home = false;  // drives back to the start when all is explored
-  double time_scale = 1;     // the agent's clock runs this many times faster
-  double visit_range_m = 3;  // footprint of a visit: reach and angle, centred ahead
+  bool rough_start = false;    // that pose may be 0.5 m and 15 degrees wrong
+  bool unknown_start = false;  // that pose tells nothing: the map stays apart until it is found
+  std::string target;          // X,Y in metres: the search is over once it was seen; empty: none
+  bool return_home = false;    // drives back to the start when all is explored
+  double time_scale = 1;       // the agent's clock runs this many times faster
+  double visit_range_m = 3;    // footprint of a visit: reach and angle, centred ahead
   double visit_fov_deg = 360;
   double max_speed_m_s = 0.22;
   double max_turn_rad_s = 1.5;

@@ -80,6 +80,7 @@ AgentConfig make_agent_config(const AgentOptions& options, std::int32_t cell_um,
   config.start = {{to_um(options.start_x_m), to_um(options.start_y_m)},
                   BinaryAngle::from_degrees(options.start_heading_deg)};
   config.rough_start = options.rough_start;
+  config.unknown_start = options.unknown_start;
   config.max_action_travel_um = to_um(options.visit_range_m / 2);
   if (options.goals == GoalsChoice::kNetwork) {
     config.keeps_goals = true;

@@ -13,7 +13,7 @@ std::size_t written(int length, std::span<char> out) {
 }
 
 const char* to_string(StartPose start) {
-  constexpr const char* kNames[] = {"given", "searching", "corrected", "not found"};
+  constexpr const char* kNames[] = {"given", "searching", "corrected", "not found", "apart"};
   return kNames[static_cast<std::size_t>(start)];
 }
 

@@ -109,9 +109,10 @@ function rowOf(robot) {
 const kCauses = ['lidar silent', 'odometry silent', 'drive lost', 'stop command', 'internal error',
   'obstacle'];
 function stateText(robot) {
-  if (robot.state !== 'fault') return robot.state ?? 'unknown';
+  const apart = robot.apart ? ', map apart' : '';
+  if (robot.state !== 'fault') return (robot.state ?? 'unknown') + apart;
   const causes = kCauses.filter((_, bit) => robot.fault >> bit & 1);
-  return causes.length ? `fault: ${causes.join(', ')}` : 'fault';
+  return (causes.length ? `fault: ${causes.join(', ')}` : 'fault') + apart;
 }
 
 function showRobots() {
