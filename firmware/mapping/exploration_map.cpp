@@ -64,6 +64,19 @@ std::uint8_t saturating_add(std::uint8_t a, std::uint8_t b) {
   return static_cast<std::uint8_t>(std::min(sum, 255u));
 }
 
+// Goes from `a` to before `b` cell by cell (Bresenham 1965), and tells at each of them along which
+// axes the next one lies. Sums instead of branches: those are hard to predict.
+template <typename Leave>
+void walk_line(Cell a, Cell b, Leave leave) {
+  const std::int32_t dx = std::abs(b.x - a.x), dy = -std::abs(b.y - a.y);
+  std::int32_t error = dx + dy;
+  for (std::int32_t left = std::max(dx, -dy); left > 0; --left) {
+    const bool along_x = 2 * error >= dy, along_y = 2 * error <= dx;
+    error += (along_x ? dy : 0) + (along_y ? dx : 0);
+    leave(along_x, along_y);
+  }
+}
+
 // A rectangle of cells that holds `rect` moved by `moved`.
 CellRect moved_rect(const GridFrame& frame, const CellRect& rect, const Pose& moved) {
   CellRect box{};
@@ -243,51 +256,45 @@ void ExplorationMap::forget_robots() {
   robots_ = {};
 }
 
-inline void ExplorationMap::add_misses_at(std::size_t index, Cell c, int times) {
+inline void ExplorationMap::add_misses_at(std::size_t index, int times) {
   if (layers_.flags[index] & cell_flag::kHitThisScan) return;
   std::int8_t& cell = layers_.occupancy[index];
   const int before = cell;
   if (before <= occupancy::kMin) return;
   const int now = std::max(occupancy::kMin, before + times * occupancy::kMiss);
   cell = static_cast<std::int8_t>(now);
-  if (before > 0 && now <= 0) update_obstacle(c, cell_flag::kOwnObstacle, false);
-  if (now == occupancy::kMin) update_obstacle(c, cell_flag::kPeerObstacle, false);
+  if (before > 0 && now <= 0) {
+    update_obstacle(frame_.cell_of_index(index), cell_flag::kOwnObstacle, false);
+  }
+  if (now == occupancy::kMin && (layers_.flags[index] & cell_flag::kPeerObstacle) != 0) {
+    update_obstacle(frame_.cell_of_index(index), cell_flag::kPeerObstacle, false);
+  }
 }
 
 void ExplorationMap::add_misses_on_line(Cell a, Cell b, int times) {
   known_ = known_.united(CellRect{a.x, a.y, 1, 1}.united(b).intersection(frame_.window()));
   // Compiled twice: most of a lidar's beams end where no other does.
-  if (times == 1) return for_each_on_line(a, b, [this](auto i, Cell c) { add_misses_at(i, c, 1); });
-  for_each_on_line(a, b, [this, times](auto i, Cell c) { add_misses_at(i, c, times); });
+  if (times == 1) return for_each_on_line(a, b, [this](std::size_t i) { add_misses_at(i, 1); });
+  for_each_on_line(a, b, [this, times](std::size_t i) { add_misses_at(i, times); });
 }
 
-// Calls visit(index, cell) for the window's cells on the line from `a` to before `b`.
+// Calls visit(index) for the window's cells on the line from `a` to before `b`.
 template <typename Visit>
 void ExplorationMap::for_each_on_line(Cell a, Cell b, Visit visit) {
-  const std::int32_t dx = std::abs(b.x - a.x), dy = -std::abs(b.y - a.y);
   const std::int32_t sx = a.x < b.x ? 1 : -1, sy = a.y < b.y ? 1 : -1;
-  const bool inside = frame_.contains(a) && frame_.contains(b);  // then so is the whole line
-  const std::int32_t stride = sy * frame_.width();
-  auto index = static_cast<std::ptrdiff_t>(inside ? frame_.index_of(a) : 0);
-  std::int32_t error = dx + dy;
-  while (!(a == b)) {
-    if (inside) {
-      visit(static_cast<std::size_t>(index), a);
-    } else if (frame_.contains(a)) {
-      visit(frame_.index_of(a), a);
-    }
-    const std::int32_t twice = 2 * error;
-    if (twice >= dy) {
-      error += dy;
-      a.x += sx;
-      index += sx;
-    }
-    if (twice <= dx) {
-      error += dx;
-      a.y += sy;
-      index += stride;
-    }
+  if (frame_.contains(a) && frame_.contains(b)) {  // then so is the whole line
+    auto index = static_cast<std::ptrdiff_t>(frame_.index_of(a));
+    const std::int32_t stride = sy * frame_.width();
+    return walk_line(a, b, [&](bool along_x, bool along_y) {
+      visit(static_cast<std::size_t>(index));
+      index += (along_x ? sx : 0) + (along_y ? stride : 0);
+    });
   }
+  walk_line(a, b, [&](bool along_x, bool along_y) {
+    if (frame_.contains(a)) visit(frame_.index_of(a));
+    a.x += along_x ? sx : 0;
+    a.y += along_y ? sy : 0;
+  });
 }
 
 void ExplorationMap::count_visit(Cell c) {

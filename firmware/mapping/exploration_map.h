@@ -155,7 +155,7 @@ class ExplorationMap final : public SharedMap {
     change = change.united(c);
   }
   void stamp_inflation(Cell c, int step);
-  void add_misses_at(std::size_t index, Cell c, int times);
+  void add_misses_at(std::size_t index, int times);
   template <typename Visit>
   void for_each_on_line(Cell a, Cell b, Visit visit);
 
