@@ -1,6 +1,7 @@
 #include "firmware/planning/frontier.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 
 namespace ivfm {
@@ -29,9 +30,10 @@ class UnseenRow {
   // for all others.
   std::uint16_t cost(std::int32_t x) const {
     const std::size_t i = first_ + static_cast<std::size_t>(x);
+    const std::uint16_t cost = layers_.path_cost[i];
     const bool ruled_out = (layers_.own_visits[i] | layers_.peer_visits[i] |
                             (layers_.flags[i] & cell_flag::kGivenUp)) != 0;
-    return ruled_out ? path::kUnreachable : layers_.path_cost[i];
+    return ruled_out ? path::kUnreachable : cost;
   }
 
  private:
@@ -39,17 +41,25 @@ class UnseenRow {
   std::size_t first_;
 };
 
-// Requires `rect` within paths.region().
+// Requires `rect` within paths.region(). First reads a part of a row, then counts: compilers make
+// loops over many cells at once of both, but not of the two together.
 Region survey(const ExplorationMap& map, const CellRect& rect) {
+  constexpr std::int32_t kPart = 16;
+  std::array<std::uint16_t, kPart> costs;
   Region region{rect};
   for (std::int32_t y = rect.y; y < rect.top(); ++y) {
     const UnseenRow row(map, {rect.x, y});
     std::int32_t cells = 0, sum_x = 0;  // from the rectangle's edge
-    for (std::int32_t x = 0; x < rect.width; ++x) {
-      const std::int32_t cost = row.cost(x);
-      cells += cost != path::kUnreachable ? 1 : 0;
-      sum_x += cost != path::kUnreachable ? x : 0;
-      region.nearest_cost = std::min(region.nearest_cost, cost);
+    for (std::int32_t first = 0; first < rect.width; first += kPart) {
+      const std::int32_t size = std::min(kPart, rect.width - first);
+      for (std::int32_t i = 0; i < size; ++i)
+        costs[static_cast<std::size_t>(i)] = row.cost(first + i);
+      for (std::int32_t i = 0; i < size; ++i) {
+        const std::int32_t cost = costs[static_cast<std::size_t>(i)];
+        cells += cost != path::kUnreachable ? 1 : 0;
+        sum_x += cost != path::kUnreachable ? first + i : 0;
+        region.nearest_cost = std::min(region.nearest_cost, cost);
+      }
     }
     region.cells += cells;
     region.sum_x += std::int64_t{cells} * rect.x + sum_x;
