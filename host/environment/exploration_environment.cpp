@@ -116,6 +116,7 @@ EnvironmentConfig EnvironmentConfig::arena() {
   c.window_cells = PaperProfile::kWindowCells;
   c.body_radius_um = arena::kRobotRadiusUm;
   c.explorer.robot_radius_um = arena::kRobotRadiusUm + c.cell_um;  // planned with a cell to spare
+  c.explorer.paths.tight_radius_um = c.body_radius_um;  // a robot that is shut in does without
   c.sensor = SensorModel::kPaperCamera;
   c.max_sim_steps = 800;
   c.view_every_steps = 60;

@@ -58,6 +58,30 @@ TEST(ExplorationEnvironment, PlacesTheFrontOnTheGoalAtOneMillimetreAStep) {
   EXPECT_NEAR(env.pose(0).position.x_um, result.distance_m * 1e6, 400);
 }
 
+// A pen of 0.6 m whose gap lets the robot through, but not with a map cell to spare.
+TEST(ExplorationEnvironment, ARobotThatIsShutInSqueezesOut) {
+  Scenario pen = empty_room(3, {{{0, 0}, BinaryAngle()}});
+  World world = *pen.world;
+  const auto block = [&world](int x, int y) {  // in cells of 5 mm from the middle
+    world.occupied[static_cast<std::size_t>((300 + y) * world.width + 300 + x)] = 1;
+  };
+  for (int along = -60; along <= 60; ++along) {
+    block(-60, along);
+    block(along, -60);
+    block(along, 60);
+    if (std::abs(along) > 17) block(60, along);
+  }
+  pen.world = std::make_shared<World>(world);
+  pen.rays = std::make_shared<RayCaster>(pen.world);
+  ExplorationEnvironment env(EnvironmentConfig::arena());
+  env.reset(pen);
+  NoModel nobody;
+  for (int i = 0; i < 60 && !env.is_done(); ++i) {
+    env.step_decision(0, env.explorer(0).decide(env.pose(0), nobody));
+  }
+  EXPECT_GT(env.totals().coverage(), 0.3);
+}
+
 TEST(ExplorationEnvironment, SweepsAStripAsWideAsTheCamerasFarEdge) {
   // 0.41 m: six counted views, 0.06 m apart. A view shows the trapezoid, 0.068 m2; each further one
   // adds the far edge's 0.507 m by 0.06 m, less two triangles of 0.06 m by 0.053 m at the slanted
