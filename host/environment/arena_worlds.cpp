@@ -141,4 +141,25 @@ Scenario random_arena(ArenaKind kind, int agents, std::uint64_t seed) {
   return scenario;
 }
 
+Scenario with_target_everywhere(Scenario arena) {
+  constexpr std::int32_t kApart = 50'000, kHalf = arena::kTargetUm / 2;
+  const World& world = *arena.world;
+  const auto is_free = [&world](Point p) {
+    for (std::int32_t y = p.y_um - kHalf; y <= p.y_um + kHalf; y += arena::kTargetUm / 11) {
+      for (std::int32_t x = p.x_um - kHalf; x <= p.x_um + kHalf; x += arena::kTargetUm / 11) {
+        if (world.is_occupied({x, y})) return false;
+      }
+    }
+    return true;
+  };
+  arena.target.reset();
+  for (std::int32_t y = kApart / 2; y < world.height * world.cell_um; y += kApart) {
+    for (std::int32_t x = kApart / 2; x < world.width * world.cell_um; x += kApart) {
+      const Point place{world.origin.x_um + x, world.origin.y_um + y};
+      if (is_free(place)) arena.places.push_back(place);
+    }
+  }
+  return arena;
+}
+
 }  // namespace ivfm::host

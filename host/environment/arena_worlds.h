@@ -44,4 +44,7 @@ std::vector<Box> random_obstacles(ArenaKind kind, Random& random);
 // not 1 .. 32.
 Scenario random_arena(ArenaKind kind, int agents, std::uint64_t seed);
 
+// The same with a target at every place at once: wherever it overlaps no obstacle, 50 mm apart.
+Scenario with_target_everywhere(Scenario arena);
+
 }  // namespace ivfm::host

@@ -233,6 +233,7 @@ void ExplorationEnvironment::reset(const Scenario& scenario) {
   extent_ = extent_of(*scenario.world, config_.cell_um).grown(kExtentMarginCells);
   extent_frame_ = GridFrame(config_.cell_um, extent_);
   seen_by_.assign(extent_frame_.size(), 0);
+  unseen_places_.clear();
   totals_ = {};
   find_explorable_cells();
   known_walls_.clear();
@@ -262,6 +263,7 @@ void ExplorationEnvironment::reset(const Scenario& scenario) {
     share(i);
   }
   totals_.visit_mbr_cells = totals_.obstacle_mbr_cells = 0;  // counted by action
+  unseen_places_ = scenario.places;                          // only actions find targets
 }
 
 void ExplorationEnvironment::add_agent(std::size_t index, const Pose& start,
@@ -393,7 +395,9 @@ void ExplorationEnvironment::finish_action(int agent, StepResult& result) {
   for (Agent& other : agents_) other.has_nothing_to_do = false;
   const bool tired = *std::min_element(totals_.actions.begin(), totals_.actions.end()) >=
                      config_.max_actions_per_agent;
-  const bool explored = !scenario_.target && totals_.coverage() >= config_.until_coverage;
+  const bool explored = scenario_.places.empty()
+                            ? !scenario_.target && totals_.coverage() >= config_.until_coverage
+                            : unseen_places_.empty();
   done_ = done_ || totals_.found || tired || explored;
   result.done = done_;
   next_agent_ = (agent + 1) % agents();
@@ -560,7 +564,9 @@ void ExplorationEnvironment::take_view(Agent& agent, bool count_visits, StepResu
   announce(agent, ExplorerCall::kFuse, {}, &scan_, count_visits);
   agent.explorer.get().fuse(agent.pose, scan_, count_visits);
   ++result.views;
-  result.found = result.found || target_in_view(agent.pose);
+  const auto& target = scenario_.target;
+  result.found = result.found || (target && target_in_view(agent.pose, *target));
+  result.places += strike_places(agent.pose);
 }
 
 // Adds the touched point to the scan as one more beam.
@@ -575,13 +581,11 @@ void ExplorationEnvironment::feel_contact(const Agent& agent) {
   scan_.push({direction - agent.pose.heading, range_mm, Echo::kHit});
 }
 
-bool ExplorationEnvironment::target_in_view(const Pose& pose) const {
-  if (!scenario_.target) return false;
+bool ExplorationEnvironment::target_in_view(const Pose& pose, Point target) const {
   const std::int64_t c = cos_q30(pose.heading), s = sin_q30(pose.heading);
   constexpr std::int32_t kHalf = arena::kTargetUm / 2;
   for (int k = 0; k < 9; ++k) {
-    const Point p{scenario_.target->x_um + (k % 3 - 1) * kHalf,
-                  scenario_.target->y_um + (k / 3 - 1) * kHalf};
+    const Point p{target.x_um + (k % 3 - 1) * kHalf, target.y_um + (k / 3 - 1) * kHalf};
     const std::int64_t dx = std::int64_t{p.x_um} - pose.position.x_um;
     const std::int64_t dy = std::int64_t{p.y_um} - pose.position.y_um;
     const std::int64_t ahead = (dx * c + dy * s) >> 30, left = (dy * c - dx * s) >> 30;
@@ -589,6 +593,15 @@ bool ExplorationEnvironment::target_in_view(const Pose& pose) const {
     if (scenario_.rays->line_of_sight(pose.position, p)) return true;
   }
   return false;
+}
+
+// Removes the places in view; answers how many.
+std::int32_t ExplorationEnvironment::strike_places(const Pose& pose) {
+  const std::int64_t reach = 2 * std::int64_t{config_.explorer.fusion.footprint.far_um};
+  return static_cast<std::int32_t>(std::erase_if(unseen_places_, [&](Point place) {
+    return squared_distance_um2(pose.position, place) < reach * reach &&
+           target_in_view(pose, place);
+  }));
 }
 
 // --- Sharing -------------------------------------------------------------------------------------

@@ -71,6 +71,7 @@ struct StepResult {
   std::uint32_t newly_seen_cells = 0;  // no robot had seen them before
   std::uint32_t re_seen_cells = 0;     // seen before this action
   double re_seen_penalty_cells = 0;    // sum of 2 sigma(count) - 1 over the re-seen cells
+  std::int32_t places = 0;             // of Scenario::places that no view had contained before
   double distance_m = 0;               // driven
   double turned_rad = 0;
   std::int32_t sim_steps = 0;
@@ -234,7 +235,8 @@ class ExplorationEnvironment {
 
   void take_view(Agent& agent, bool count_visits, StepResult& result);
   void feel_contact(const Agent& agent);
-  bool target_in_view(const Pose& pose) const;
+  bool target_in_view(const Pose& pose, Point target) const;
+  std::int32_t strike_places(const Pose& pose);
 
   void share(int agent);
   CellRect count_visits(Agent& agent);
@@ -263,6 +265,7 @@ class ExplorationEnvironment {
   std::vector<std::uint8_t> explorable_;   // over extent_
   std::vector<std::uint8_t> known_walls_;  // over extent_; empty when walls are not known
   std::vector<std::uint8_t> seen_by_;      // over extent_: by how many agents
+  std::vector<Point> unseen_places_;       // of scenario_.places
   std::vector<std::uint8_t> scratch_;
   std::vector<ScanPoint> beams_;  // the sensor's fan: bearing and longest range
   Scan scan_;

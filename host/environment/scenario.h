@@ -17,6 +17,9 @@ struct Scenario {
   std::shared_ptr<const RayCaster> rays;  // of `world`
   std::vector<Pose> starts;               // one a robot
   std::optional<Point> target;            // centre of the cube to find; none: explore the whole map
+  // Instead of one target: all places where it could be. The episode ends when a view has contained
+  // each of them.
+  std::vector<Point> places;
 };
 
 }  // namespace ivfm::host

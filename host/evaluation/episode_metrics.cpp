@@ -61,7 +61,7 @@ EpisodeMetrics measured(const ExplorationEnvironment& env, std::span<const std::
   m.coverage = totals.coverage();
   m.sim_time_s = static_cast<double>(*std::max_element(sim_steps.begin(), sim_steps.end())) /
                  kSimStepsPerSecond;
-  m.collisions = totals.collisions;
+  m.collisions = static_cast<double>(totals.collisions);
   const double state_bytes = 2.0 * state_channels * kLocalMapPixels * kLocalMapPixels;
   const double rectangle_pixels =
       static_cast<double>(totals.visit_mbr_cells + totals.obstacle_mbr_cells) * pixels_per_cell;
@@ -69,6 +69,30 @@ EpisodeMetrics measured(const ExplorationEnvironment& env, std::span<const std::
       (static_cast<double>(m.steps) * (state_bytes + 2 * kPoseBytes) + rectangle_pixels) /
       (1024.0 * 1024.0);
   return m;
+}
+
+namespace {
+
+constexpr auto kMeasuresOfThePast = {
+    &EpisodeMetrics::rer,        &EpisodeMetrics::steps,      &EpisodeMetrics::makespan,
+    &EpisodeMetrics::overlap,    &EpisodeMetrics::coverage,   &EpisodeMetrics::distance_m,
+    &EpisodeMetrics::sim_time_s, &EpisodeMetrics::collisions, &EpisodeMetrics::bandwidth_paper_mib};
+
+}  // namespace
+
+void MeasuresOfEveryPlace::add(const EpisodeMetrics& now, int places) {
+  for (const auto measure : kMeasuresOfThePast) sum_.*measure += now.*measure * places;
+  pe_ += now.pe.value_or(0) * places;
+  places_ += places;
+}
+
+EpisodeMetrics MeasuresOfEveryPlace::mean(int places) const {
+  EpisodeMetrics mean = sum_;
+  const double n = std::max(1, places_);
+  for (const auto measure : kMeasuresOfThePast) mean.*measure /= n;
+  mean.pe = pe_ / n;
+  mean.found = places_ * 100 >= places * 99;
+  return mean;
 }
 
 MeanStd mean_std(std::span<const double> values) {

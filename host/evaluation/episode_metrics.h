@@ -17,18 +17,18 @@ inline constexpr std::array<double, 4> kMilestones = {0.50, 0.90, 0.95, 0.99};
 
 struct EpisodeMetrics {
   std::uint64_t seed = 0;
-  bool found = false;         // the target, or, without one, the wanted share of the area
-  double rer = 0;             // mean over explored cells of (visits - 1)
-  std::optional<double> pe;   // explored pixels of 1/128 local map a local map width driven
-  std::int64_t steps = 0;     // actions, summed over agents
-  std::int64_t makespan = 0;  // actions of the busiest agent
-  double overlap = 0;         // explored cells that two agents or more saw
+  bool found = false;        // the target, or, without one, the wanted share of the area
+  double rer = 0;            // mean over explored cells of (visits - 1)
+  std::optional<double> pe;  // explored pixels of 1/128 local map a local map width driven
+  double steps = 0;          // actions, summed over agents
+  double makespan = 0;       // actions of the busiest agent
+  double overlap = 0;        // explored cells that two agents or more saw
   double coverage = 0;
   double distance_m = 0;  // summed over agents
   double bandwidth_paper_mib = 0;
   std::optional<double> wire_bytes;  // of every datagram, where they were sent
   double sim_time_s = 0;             // of the busiest agent, at 240 simulation steps a second
-  std::int64_t collisions = 0;
+  double collisions = 0;
   std::array<std::optional<double>, kMilestones.size()> milestone_m{};
 
   bool operator==(const EpisodeMetrics&) const = default;
@@ -40,6 +40,21 @@ double local_map_width_m(const EnvironmentConfig& config);
 // `sim_steps`: of each agent. `state_channels`: 2 (i-VFM) or 4 (VFM), for the paper's bandwidth.
 EpisodeMetrics measured(const ExplorationEnvironment& env, std::span<const std::int64_t> sim_steps,
                         int state_channels);
+
+// The mean over all places of the target of the measures when each came into view. What is not in
+// proportion to the way so far (bytes on the wire, milestones) is left out.
+class MeasuresOfEveryPlace {
+ public:
+  // `now`: after the action in which `places` of them came into view.
+  void add(const EpisodeMetrics& now, int places);
+  // `places`: of the scenario. Found: all but a hundredth of them came into view.
+  EpisodeMetrics mean(int places) const;
+
+ private:
+  EpisodeMetrics sum_;
+  double pe_ = 0;
+  int places_ = 0;
+};
 
 struct MeanStd {
   double mean = 0, std = 0;  // population standard deviation

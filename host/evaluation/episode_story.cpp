@@ -102,14 +102,14 @@ std::string explain(const EpisodeStory& story) {
       text += percent(m.coverage) + " of the area was explored before";
     }
     if (!m.found) text += "; not found";
-    if (story.first_near_action > 0 && story.first_near_action < m.steps * 3 / 4) {
+    if (story.first_near_action > 0 && static_cast<double>(story.first_near_action) < m.steps * 0.75) {
       text += "; a robot came within " + fixed(kNearM, 1) + " m of it at action " +
               std::to_string(story.first_near_action) + " and did not look there";
     }
   } else {
     text = m.found ? "Complete" : fixed(story.left_m2, 1) + " m² were left";
   }
-  text += ". Of " + std::to_string(m.steps) + " actions " + std::to_string(m.collisions) +
+  text += ". Of " + fixed(m.steps, 0) + " actions " + fixed(m.collisions, 0) +
           " ended in contact and " + std::to_string(story.fruitless_actions) +
           " showed next to nothing new.";
   return text;
@@ -119,7 +119,7 @@ cv::Mat draw_episode(const EpisodeStory& story, const std::string& title, int wi
   const EpisodeMetrics& m = story.record.metrics;
   PictureOptions options;
   options.title = title;
-  options.subtitle = std::to_string(m.steps) + " actions, " + fixed(m.distance_m, 1) + " m, RER " +
+  options.subtitle = fixed(m.steps, 0) + " actions, " + fixed(m.distance_m, 1) + " m, RER " +
                      fixed(m.rer, 2) + ", " + percent(m.coverage) + " explored";
   options.world = story.world.get();
   options.width_px = width_px;

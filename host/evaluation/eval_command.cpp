@@ -244,6 +244,9 @@ void add_eval_command(CLI::App& app, CommandAction& action) {
                     "maps: the network alone chooses goals, as in arenas; without it views of "
                     "frontiers are weighed against its choice");
   command->add_option("--start", options->start, "x,y,heading (m, m, degrees) of the first robot");
+  command->add_flag("--every-place", world.every_place,
+                    "arenas: a target at every place at once; measures are means over all places "
+                    "of what they were when each was found: a tenth of the noise");
   command->add_flag("--walls-known", world.walls_known, "arenas: the border is known at the start");
   command->add_flag("--reroute", world.reroute,
                     "arenas: robots drive around what they see to block their way; without it they "

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "host/environment/arena_worlds.h"
 #include "host/evaluation/calibration.h"
 #include "host/evaluation/evaluator.h"
 #include "host/evaluation/policies/exploration_policy.h"
@@ -56,6 +57,31 @@ TEST(EpisodeMetrics, LeaveEpisodesOutThatDidNotFindTheTarget) {
 
 TEST(EpisodeMetrics, TheLocalMapIsOneMetreWideInThePapersArena) {
   EXPECT_DOUBLE_EQ(local_map_width_m(EnvironmentConfig::arena()), 1.0);
+}
+
+TEST(Evaluator, ATargetAtEveryPlaceIsTheMeanOfOneAtEach) {
+  EvaluationRequest request = request_for("1x", "frontier-nearest", 1);
+  const Scenario arena = with_target_everywhere(random_arena(ArenaKind::k1x, 1, 7));
+  EXPECT_GT(arena.places.size(), 3'000u);  // 60 x 60, less what columns take
+  Scenario some = arena;
+  some.places = {arena.places[100], arena.places[1'500], arena.places[2'900]};
+  request.world.scenario = [&](int, std::uint64_t) { return some; };
+  const EpisodeMetrics mean = evaluate(request).episodes.front();
+  double steps = 0, rer = 0, metres = 0;
+  for (const Point& place : some.places) {
+    Scenario one = arena;
+    one.places.clear();
+    one.target = place;
+    request.world.scenario = [&](int, std::uint64_t) { return one; };
+    const EpisodeMetrics alone = evaluate(request).episodes.front();
+    steps += alone.steps / 3;
+    rer += alone.rer / 3;
+    metres += alone.distance_m / 3;
+  }
+  EXPECT_TRUE(mean.found);
+  EXPECT_DOUBLE_EQ(mean.steps, steps);
+  EXPECT_DOUBLE_EQ(mean.rer, rer);
+  EXPECT_DOUBLE_EQ(mean.distance_m, metres);
 }
 
 TEST(Evaluator, GivesTheSameBytesWhateverTheThreads) {

@@ -20,6 +20,9 @@ namespace {
 constexpr std::int32_t kDefaultRangeUm = 3'000'000;
 
 EnvironmentConfig map_config(const WorldOptions& options, double default_until) {
+  if (options.every_place) {
+    throw std::invalid_argument("--every-place is for arenas: in a map there is no target to find");
+  }
   const double range_m = options.sensor_range_m.value_or(kDefaultRangeUm * 1e-6);
   if (!(range_m >= 0.2 && range_m <= 12)) {
     throw std::invalid_argument("--sensor-range is 0.2 to 12 metres");
@@ -105,7 +108,10 @@ EvaluationWorld map_world(const WorldOptions& options, World world, double defau
   const auto rays = std::make_shared<const RayCaster>(shared);
   result.scenario = [shared, rays, config = result.config, first = options.start](
                         int agents, std::uint64_t seed) {
-    Scenario scenario{shared, rays, map_starts(*rays, config, agents, first, seed), std::nullopt};
+    Scenario scenario;
+    scenario.world = shared;
+    scenario.rays = rays;
+    scenario.starts = map_starts(*rays, config, agents, first, seed);
     return scenario;
   };
   return result;
@@ -125,8 +131,9 @@ EvaluationWorld arena_world(const WorldOptions& options, ArenaKind kind) {
   result.config.reroute_when_blocked = options.reroute;
   result.config.walls_known = options.walls_known;
   result.config.count_last_view = options.count_last_view;
-  result.scenario = [kind](int agents, std::uint64_t seed) {
-    return random_arena(kind, agents, seed);
+  result.scenario = [kind, everywhere = options.every_place](int agents, std::uint64_t seed) {
+    Scenario arena = random_arena(kind, agents, seed);
+    return everywhere ? with_target_everywhere(std::move(arena)) : arena;
   };
   return result;
 }
@@ -149,8 +156,9 @@ std::string text_of(const WorldOptions& o) {
     text << " start=" << o.start->position.x_um << ';' << o.start->position.y_um << ';'
          << o.start->heading.raw();
   }
-  text << (o.walls_known ? " walls-known" : "") << (o.count_last_view ? " count-last-view" : "")
-       << (o.reroute ? " reroute" : "") << (o.network_decides ? " network-decides" : "");
+  text << (o.every_place ? " every-place" : "") << (o.walls_known ? " walls-known" : "")
+       << (o.count_last_view ? " count-last-view" : "") << (o.reroute ? " reroute" : "")
+       << (o.network_decides ? " network-decides" : "");
   return text.str();
 }
 

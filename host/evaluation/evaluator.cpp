@@ -109,6 +109,8 @@ EpisodeRecord play_episode(const EvaluationRequest& request, ExplorationEnvironm
   WireMeter meter(env);
   env.reset(request.world.scenario(request.agents, seed));
   policy.start_episode(Random(seed, 1).next());
+  const int state_channels = request.state == "vfm" ? 4 : 2;
+  MeasuresOfEveryPlace of_every_place;
   std::int64_t decisions = 0;
   std::vector<std::int64_t> sim_steps(static_cast<std::size_t>(env.agents()), 0);
   std::array<std::optional<double>, kMilestones.size()> reached{};
@@ -119,15 +121,24 @@ EpisodeRecord play_episode(const EvaluationRequest& request, ExplorationEnvironm
     ++decisions;
     meter.note_action(result.sim_steps);
     if (observe) observe(env, agent, result);
+    if (result.places > 0) {
+      of_every_place.add(measured(env, sim_steps, state_channels), result.places);
+    }
     for (std::size_t i = 0; i < reached.size(); ++i) {
       if (reached[i] || env.totals().coverage() < kMilestones[i]) continue;
       reached[i] = env.totals().total_distance_m();
     }
   }
-  EpisodeMetrics metrics = measured(env, sim_steps, request.state == "vfm" ? 4 : 2);
+  const auto wire_bytes = static_cast<double>(meter.finish());
+  EpisodeMetrics metrics;
+  if (const auto& places = env.scenario().places; places.empty()) {
+    metrics = measured(env, sim_steps, state_channels);
+    metrics.milestone_m = reached;
+    metrics.wire_bytes = wire_bytes;
+  } else {
+    metrics = of_every_place.mean(static_cast<int>(places.size()));
+  }
   metrics.seed = seed;
-  metrics.milestone_m = reached;
-  metrics.wire_bytes = static_cast<double>(meter.finish());
   const std::chrono::duration<double> busy = std::chrono::steady_clock::now() - started;
   return {episode, metrics, decisions, busy.count()};
 }

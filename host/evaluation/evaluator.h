@@ -36,6 +36,7 @@ struct WorldOptions {
   std::optional<double> fov_deg;  // maps only
   bool network_decides = false;   // maps only: alone, as in arenas (ExplorerConfig)
   std::optional<Pose> start;      // of the first robot, maps only
+  bool every_place = false;       // arenas only: a target at every place at once
   bool walls_known = false;       // arenas only
   bool count_last_view = false;   // arenas only: count every view as a visit
   bool reroute = false;           // arenas only: drive around what is seen to block the way
