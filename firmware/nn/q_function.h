@@ -31,6 +31,8 @@ class QFunction {
   // Writes kPolicyGridSize values in any common scale: the greatest is the best goal.
   // kUnavailable: no model is loaded; kInvalidArgument: wrong size.
   virtual Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) = 0;
+  // What 100 newly seen policy cells are worth in the values of the last evaluate(); 0: unknown.
+  virtual std::int32_t unit() const { return 0; }
 
  protected:
   ~QFunction() = default;

@@ -5,9 +5,23 @@
 
 namespace ivfm {
 
+namespace {
+
+// 1 / x of a positive IEEE 754 float, as a whole number: 0 where that is too small or too large.
+// In integers, so that it is the same on every target.
+std::int32_t reciprocal_of_f32(std::uint32_t bits) {
+  const std::uint64_t mantissa = (bits & 0x7fffffu) | 0x800000u;
+  const int shift = 150 - static_cast<int>(bits >> 23);  // x = mantissa / 2^shift
+  if (shift < 23 || shift > 53) return 0;
+  return static_cast<std::int32_t>((std::uint64_t{1} << shift) / mantissa);
+}
+
+}  // namespace
+
 ModelStatus QNetwork::load(std::span<const std::uint8_t> file) {
   const ModelStatus status = load_model(file, model_);
   has_model_ = ok(status.status);
+  unit_ = has_model_ ? reciprocal_of_f32(model_.output_scale_f32_bits) : 0;
   return status;
 }
 

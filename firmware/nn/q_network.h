@@ -33,6 +33,9 @@ class QNetwork final : public QFunction {
   // of state, or `q_values` has not kPolicyGridSize values.
   Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) override;
 
+  // The reciprocal of the model's output scale.
+  std::int32_t unit() const override { return unit_; }
+
   const char* kernel_name() const { return kernels_->name; }
 
  private:
@@ -42,6 +45,7 @@ class QNetwork final : public QFunction {
 
   const KernelSet* kernels_;
   bool has_model_ = false;
+  std::int32_t unit_ = 0;
   ModelView model_;
   alignas(64) std::array<std::int8_t, kArenaBytes> arena_;
   std::array<std::int32_t, kPolicyGridSize> values_;

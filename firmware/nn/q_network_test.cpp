@@ -167,6 +167,23 @@ TEST_P(QNetworkTest, AnswersAsAQFunction) {
   EXPECT_EQ(QNetwork().evaluate(state, q), Status::kUnavailable);
 }
 
+TEST(QNetwork, SaysWhatItsValuesMean) {
+  const auto unit_at = [](float scale) {
+    TestModel model;
+    model.output_scale_bits = std::bit_cast<std::uint32_t>(scale);
+    const std::vector<std::uint8_t> file = model.bytes();
+    const auto network = std::make_unique<QNetwork>();
+    EXPECT_EQ(network->load(file).status, Status::kOk);
+    return network->unit();
+  };
+  EXPECT_EQ(unit_at(1), 1);
+  EXPECT_EQ(unit_at(0.25), 4);
+  EXPECT_EQ(unit_at(1e-4f), 10'000);
+  EXPECT_EQ(unit_at(3), 0) << "too coarse to say";
+  EXPECT_EQ(unit_at(1e-20f), 0) << "too fine";
+  EXPECT_EQ(QNetwork().unit(), 0);
+}
+
 TEST(QNetwork, ForgetsAModelThatFailsToLoad) {
   const std::vector<std::uint8_t> file = TestModel().bytes();
   const auto network = std::make_unique<QNetwork>();

@@ -109,7 +109,7 @@ Decision Explorer::decide(const Pose& pose, QFunction& q) {
   const std::int32_t favourite =
       asks && ok(q.evaluate(state_, q_values_)) ? best_policy_cell() : -1;
   if (config_.view_reach_um == 0) {
-    if (favourite >= 0) return follow_policy(favourite);
+    if (is_worth_an_action(favourite, q.unit())) return follow_policy(favourite);
     return select_global_goal(pose);
   }
   const CellRect known = explored_region(pose).intersection(map_.frame().window().grown(-1));
@@ -132,6 +132,12 @@ std::int32_t Explorer::best_policy_cell() const {
     best_q = q_values_[i];
   }
   return best;
+}
+
+bool Explorer::is_worth_an_action(std::int32_t favourite, std::int32_t unit) const {
+  if (favourite < 0) return false;
+  const std::int64_t value = q_values_[static_cast<std::size_t>(favourite)];
+  return value * 256 >= std::int64_t{unit} * config_.min_local_value_q8;
 }
 
 // `favourite`: a cell of the goal mask.

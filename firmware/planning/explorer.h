@@ -30,6 +30,9 @@ struct ExplorerConfig {
   std::int32_t view_reach_um = 0;
   // Where robots may drive into the unknown: so many unseen cells must be in reach instead.
   std::int32_t min_local_unseen = 0;
+  // Goals below this value, in 256ths of QFunction::unit(), are not worth an action either while
+  // there is more to see elsewhere; 0: all are.
+  std::int32_t min_local_value_q8 = 0;
   // Side of the regions of the whole map that such robots compare when the local map is not worth
   // visiting; 0: they go to the nearest frontier.
   std::int32_t region_cells = 0;
@@ -55,7 +58,8 @@ struct ExplorerConfig {
     c.min_goal_distance_um = 70'000;
     c.pool = 2;
     c.rolling_window = false;
-    c.min_local_unseen = 400;  // of the local map's 4,096
+    c.min_local_unseen = 400;        // of the local map's 4,096
+    c.min_local_value_q8 = 11 * 64;  // 2.75; on untouched ground the best goal has 4.3
     c.region_cells = 32;
     return c;
   }
@@ -190,6 +194,7 @@ class Explorer {
   CellRect explored_region(const Pose& pose) const;
   Decision drive_to(const FrontierGoal& frontier);
   std::int32_t best_policy_cell() const;
+  bool is_worth_an_action(std::int32_t favourite, std::int32_t unit) const;
   Decision follow_policy(std::int32_t favourite);
   ViewValue view_from(std::int32_t favourite) const;
   std::optional<FrontierView> best_view(int min_size) const;

@@ -77,6 +77,34 @@ TEST_F(ExplorerTest, TheBestReachableCellOfTheNetworkBecomesTheGoal) {
   EXPECT_FALSE(policy_led_->path().empty());
 }
 
+// The same, and says what its values mean.
+class Modest final : public QFunction {
+ public:
+  explicit Modest(std::int32_t unit) : unit_(unit) {}
+  Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) override {
+    return EastIsBest().evaluate(state, q_values);
+  }
+  std::int32_t unit() const override { return unit_; }
+
+ private:
+  std::int32_t unit_;
+};
+
+TEST_F(ExplorerTest, GoalsThatAreHardlyWorthAnActionWaitForTheWholeMaps) {
+  ExplorerConfig c = policy_only();
+  c.min_local_value_q8 = 256;
+  const auto kind_at = [&](std::int32_t unit) {
+    ExplorerFor<SmallProfile> explorer(c);
+    explorer.start(home_);
+    (void)explorer.fuse(home_, room_scan(3000, 2000));
+    Modest q(unit);
+    return explorer.decide(home_, q).kind;
+  };
+  EXPECT_EQ(kind_at(10), Decision::Kind::kLocalGoal) << "the best value is some 25";
+  EXPECT_EQ(kind_at(1000), Decision::Kind::kGlobalGoal);
+  EXPECT_EQ(kind_at(0), Decision::Kind::kLocalGoal) << "values that mean nothing are not judged";
+}
+
 TEST_F(ExplorerTest, WithoutAModelItGoesToTheNearestFrontier) {
   explorer_->start(home_);
   (void)explorer_->fuse(home_, room_scan(3000, 2000));

@@ -85,16 +85,24 @@ TEST(Frontier, SpecksAreNotWide) {
 }
 
 TEST(RichestRegion, WeighsWhatIsUnseenAgainstTheWayThere) {
-  Drawn world({"........            ",  //
-               ".  .....            ",  // two unseen cells close by, many further on
-               ".  .....            ",  //
-               "........            "});
+  Drawn world({"........            .",  //
+               ".  .....             ",  // two unseen cells close by, many further on
+               ".  .....             ",  //
+               "........             "});
   world.paths.compute(world.map, {0, 0}, world.region);
-  EXPECT_EQ(count_reachable_unseen(world.map, world.paths, world.region), 4 + 4 * 12);
+  EXPECT_EQ(count_reachable_unseen(world.map, world.paths, world.region), 4 + 4 * 13 - 1);
   const auto all = richest_region(world.map, world.paths, 4, 1);
   ASSERT_TRUE(all.has_value());
   EXPECT_EQ(all->frontier.x, 9) << "the first region that is all unseen, not the pocket";
   EXPECT_EQ(richest_region(world.map, world.paths, 4, 17), std::nullopt) << "a region holds 16";
+}
+
+TEST(RichestRegion, LeavesOutWhatLiesBeyondEverythingSeen) {
+  Drawn world({".....   ",  //
+               ".  ..   ",  //
+               ".....   "});
+  world.paths.compute(world.map, {0, 0}, world.region);
+  EXPECT_EQ(richest_region(world.map, world.paths, 4, 1)->frontier, (Cell{1, 1}));
 }
 
 TEST(RichestRegion, LeavesOutWhatIsOutOfReachOrGivenUp) {
@@ -112,7 +120,9 @@ TEST(RichestRegion, LeavesOutWhatIsOutOfReachOrGivenUp) {
 // The definition, cell by cell.
 std::optional<FrontierGoal> richest_by_definition(const Drawn& world, std::int32_t side,
                                                   std::int32_t least) {
-  const auto cells_of = [&](const CellRect& rect) {
+  const CellRect all = world.region.intersection(world.map.known_rect().grown(side / 8));
+  const auto cells_of = [&](const CellRect& region) {
+    const CellRect rect = region.intersection(all);
     std::vector<Cell> cells;
     for (std::int32_t y = rect.y; y < rect.top(); ++y) {
       for (std::int32_t x = rect.x; x < rect.right(); ++x) {
@@ -126,12 +136,12 @@ std::optional<FrontierGoal> richest_by_definition(const Drawn& world, std::int32
   const auto cost = [&](Cell c) { return world.paths.cost_at(world.map, c); };
   std::vector<Cell> best;
   double best_worth = 0;
-  for (std::int32_t y = 0; y < world.region.top(); y += side / 2) {
-    for (std::int32_t x = 0; x < world.region.right(); x += side / 2) {
+  for (std::int32_t y = all.y; y < all.top(); y += side / 2) {
+    for (std::int32_t x = all.x; x < all.right(); x += side / 2) {
       const std::vector<Cell> cells = cells_of({x, y, side, side});
       if (cells.empty() || static_cast<std::int32_t>(cells.size()) < least) continue;
       const int nearest = cost(std::ranges::min(cells, {}, cost));
-      const double worth = static_cast<double>(cells.size()) / (nearest + 12 * side / 2);
+      const double worth = static_cast<double>(cells.size()) / (nearest + 12 * 3 * side / 2);
       if (worth <= best_worth) continue;
       best_worth = worth;
       best = cells;

@@ -19,11 +19,12 @@ Status FloatQFunction::evaluate(const LocalState& state, std::span<std::int32_t>
   if (encoder_) encoder_(state, input_);
   const std::span<const float> values =
       encoder_ ? runner_.run(input_) : runner_.run(state.channels);
-  double largest = 1e-30;
+  double largest = 1;
   for (const float v : values) largest = std::max<double>(largest, std::abs(v));
   std::transform(values.begin(), values.end(), q_values.begin(), [largest](float v) {
     return static_cast<std::int32_t>(std::lround(v / largest * 0x1p30));
   });
+  unit_ = static_cast<std::int32_t>(0x1p30 / largest);
   return Status::kOk;
 }
 

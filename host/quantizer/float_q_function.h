@@ -20,11 +20,13 @@ class FloatQFunction final : public QFunction {
   explicit FloatQFunction(const FloatNetwork& network, Encoder encoder = {});
   // Values are scaled so that the largest one in size is 2^30. kInvalidArgument: wrong size.
   Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) override;
+  std::int32_t unit() const override { return unit_; }
 
  private:
   FloatRunner runner_;
   Encoder encoder_;
   std::vector<std::uint16_t> input_;
+  std::int32_t unit_ = 0;
 };
 
 }  // namespace ivfm::host

@@ -195,6 +195,7 @@ TEST(FloatQFunction, OrdersThePolicyCellsAsTheNetworkDoes) {
   ASSERT_EQ(function.evaluate(state, q), Status::kOk);
   for (std::size_t i = 1; i < q.size(); ++i)
     EXPECT_EQ(q[i] < q[i - 1], values[i] < values[i - 1]) << i;
+  EXPECT_NEAR(1.0 * q[5] / function.unit(), values[5], 1e-6);
   EXPECT_EQ(function.evaluate(state, std::span(q).first(1)), Status::kInvalidArgument);
   EXPECT_THROW(FloatQFunction(make_unet18(StateKind::kFoldedIvfm)), std::invalid_argument);
 }
