@@ -102,7 +102,8 @@ std::string explain(const EpisodeStory& story) {
       text += percent(m.coverage) + " of the area was explored before";
     }
     if (!m.found) text += "; not found";
-    if (story.first_near_action > 0 && static_cast<double>(story.first_near_action) < m.steps * 0.75) {
+    if (story.first_near_action > 0 &&
+        static_cast<double>(story.first_near_action) < m.steps * 0.75) {
       text += "; a robot came within " + fixed(kNearM, 1) + " m of it at action " +
               std::to_string(story.first_near_action) + " and did not look there";
     }
