@@ -17,6 +17,7 @@ MapLinkConfig link_config(const AgentConfig& config, const Explorer& explorer) {
   MapLinkConfig link = config.link;
   link.cell_um = explorer.map().frame().cell_um();
   link.apart = config.unknown_start;
+  link.rough = config.rough_start && !config.unknown_start;
   return link;
 }
 
@@ -132,6 +133,7 @@ void Agent::align_start() {
       pose_ = compose(alignment_.correction(), config_.start);
       localization_.reset(pose_);
       explorer_.correct_start(pose_);
+      link_.end_rough();
       break;
   }
   pose_at_scan_ = pose_;
@@ -192,7 +194,17 @@ void Agent::exchange_maps(TimeUs now_us) {
   }
   link_.set_status(status(now_us));
   link_.step(now_us, pose_);
-  if (const std::optional<Pose> frame = link_.take_frame()) move_frame(*frame);
+  if (const std::optional<Pose> frame = link_.take_frame()) take_frame(*frame);
+}
+
+// The server knows how this robot's map frame lies in the team's.
+void Agent::take_frame(const Pose& frame) {
+  if (start_pose_ == StartPose::kApart) {
+    move_frame(frame);
+    return;
+  }
+  start_pose_ = StartPose::kGiven;  // by definition: others go by it
+  link_.end_rough();
 }
 
 RobotStatus Agent::status(TimeUs now_us) const {

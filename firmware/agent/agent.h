@@ -122,6 +122,7 @@ class Agent {
   void align_start();
   void align_later();
   void move_frame(const Pose& moved);
+  void take_frame(const Pose& frame);
   void look_for_target();
   void exchange_maps(TimeUs now_us);
   void obey_commands();

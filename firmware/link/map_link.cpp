@@ -25,6 +25,7 @@ MapLink::MapLink(SharedMap& map, DatagramSocket& socket, const MapLinkConfig& co
       window_(kWireCells),
       timeout_us_(config.retry_us),
       epoch_(config.epoch),
+      rough_(config.rough),
       apart_(config.apart),
       frame_is_known_(!config.apart) {
   probe_.pending = true;
@@ -68,10 +69,15 @@ void MapLink::move_frame() {
   hello_ = {.pending = true};
   restore_request_ = {.pending = apart_};
   restore_from_ = {};
-  apart_ = false;
+  apart_ = rough_ = false;
   in_flight_size_ = 0;
   for (DirtyRectangles& dirty : dirty_) dirty = {};
   marked_ = {};
+}
+
+void MapLink::end_rough() {
+  rough_ = false;
+  hello_ = {.pending = true};
 }
 
 void MapLink::report_found(Point target) {
@@ -318,7 +324,7 @@ void MapLink::handle_frame(std::span<const std::uint8_t> body) {
     ++counters_.dropped_malformed;
     return;
   }
-  if (!apart_ || message->epoch != epoch_) {
+  if (!(apart_ || rough_) || message->epoch != epoch_) {
     ++counters_.dropped_stale;
     return;
   }
@@ -442,6 +448,7 @@ std::size_t MapLink::write_hello() {
   hello.resuming = welcomed_;
   hello.moved_frame = moved_frame_;
   hello.apart = apart_;
+  hello.rough = rough_;
   hello.set_name(config_.name);
   return *encode(hello, body_of(datagram_));
 }

@@ -26,8 +26,8 @@ struct MapLinkConfig {
   std::uint64_t boot = 1;        // a random number drawn at this start, not 0
   std::int32_t cell_um = 50000;  // the map's, 1 .. 2^24 - 1
   std::string_view name;         // for people, at most 24 characters
-  bool apart =
-      false;  // where this map's frame lies in the team's is not known: the server is to say
+  bool rough = false;            // its start may be wrong, and it looks for where it was
+  bool apart = false;            // its map frame's place in the team's is for the server to find
   TimeUs batch_period_us = 1000000;   // map updates leave at most this often, or at flush()
   TimeUs status_period_us = 1000000;  // 0: no status messages
   TimeUs retry_us = 1000000;          // without acknowledgement, sent again after this time,
@@ -83,6 +83,9 @@ class MapLink {
   // takes back what it told of the team's frame before its last start.
   void move_frame();
 
+  // The start that was told roughly is known now.
+  void end_rough();
+
   // Receives and sends what is due; bounded work. `pose` goes along with map updates.
   void step(TimeUs now_us, const Pose& pose);
 
@@ -92,7 +95,8 @@ class MapLink {
   void report_found(Point target);
   // The newest command not yet taken, if there is one.
   std::optional<CommandCode> take_command();
-  // Where the server has found this robot's map frame to lie in the team's; then move there.
+  // Where the server says that this robot's map frame lies in the team's: one that is apart is to
+  // move there, one whose start is rough gets the identity, and is to stay where it is.
   std::optional<Pose> take_frame();
   // Other robots near this one, as the server told last; look at how old they are.
   std::span<const PeerRobot> peers() const { return {peers_.data(), peers_size_}; }
@@ -199,9 +203,10 @@ class MapLink {
   std::uint32_t server_epoch_ = 0;
   std::uint64_t server_boot_ = 0;
   ReplayWindow server_window_;
-  bool connected_ = false;      // the present server has welcomed this robot
-  bool welcomed_ = false;       // some server has, since the start
-  bool moved_frame_ = false;    // in this epoch
+  bool connected_ = false;    // the present server has welcomed this robot
+  bool welcomed_ = false;     // some server has, since the start
+  bool moved_frame_ = false;  // in this epoch
+  bool rough_;
   bool apart_;                  // from the team: the frame is the robot's own
   bool frame_is_known_ = true;  // to the server; until then nothing but hellos leaves
   std::optional<Pose> frame_;   // in the team's, as the server told

@@ -409,6 +409,33 @@ TEST_F(MapLinkTest, ARobotThatDoesNotKnowWhereItIsSaysSoBeforeAllElseAndMovesOnc
   EXPECT_FALSE(link.take_frame().has_value()) << "it is part of the team";
 }
 
+TEST_F(MapLinkTest, ARobotWithARoughStartSaysSoUntilItIsToldThatItsFrameHolds) {
+  FakeRadio radio(1);
+  ServerModel server(radio.server(), 100);
+  SmallMap map({-50, -50, 100, 100});
+  MapLinkConfig config;
+  config.rough = true;
+  MapLink link(map, radio.robot(), config);
+  const auto pass = [&] {
+    for (const TimeUs end = now_ + 2 * kSecond; now_ < end; now_ += kTick) {
+      radio.set_now(now_);
+      link.step(now_, {});
+      server.step();
+    }
+  };
+  pass();
+  EXPECT_TRUE(server.last_hello.rough);
+  EXPECT_GT(server.received[MessageKind::kStatus], 0) << "it is part of the team all the same";
+  server.send_frame({link.epoch(), {}});
+  pass();
+  EXPECT_EQ(link.take_frame(), Pose{});
+  const std::uint32_t epoch = link.epoch();
+  link.end_rough();
+  pass();
+  EXPECT_FALSE(server.last_hello.rough);
+  EXPECT_EQ(link.epoch(), epoch);
+}
+
 TEST_F(MapLinkTest, NothingButAHelloLeavesBeforeTheWelcome) {
   visit({0, 0, 10, 10});
   radio_.set_now(now_);

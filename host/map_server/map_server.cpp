@@ -310,6 +310,7 @@ void MapServer::handle_hello(Robot& robot, std::uint32_t sequence,
   robot.to_acknowledge.push_back(sequence);
   if (sequence < robot.hello) return;
   robot.record.name = std::string(hello->name());
+  set_rough(robot, hello->rough);
   if (!is_apart(robot)) set_window(robot, hello->window.empty() ? kAllCells : hello->window);
   robot.hello = sequence;
 }
@@ -335,6 +336,40 @@ void MapServer::take_frame(Robot& robot, const Hello& hello, TimeUs now_us) {
   } else if (hello.moved_frame && robot.begins_epoch) {
     forget_frame(robot, now_us);
   }
+}
+
+// A robot whose start is rough may have corrected itself by the first one's map: then that one has
+// to keep its frame.
+void MapServer::set_rough(Robot& robot, bool rough) {
+  if (robot.rough == rough) return;
+  robot.rough = rough;
+  robot.was_rough = true;
+  if (rough) return;
+  robot.frame.reset();
+  for (const TileKey& key : map_.tiles()) robot.downlink.mark(key, key.cells());
+  const auto knows_its_start = [this](const auto& entry) {
+    return entry.second.heard && !entry.second.was_rough && !is_apart(entry.second);
+  };
+  if (std::ranges::any_of(robots_, knows_its_start)) return;
+  for (auto& [id, other] : robots_) {
+    if (other.rough && joined_before(other, robot)) other.frame = MapFrame{other.record.epoch, {}};
+  }
+}
+
+bool MapServer::joined_before(const Robot& a, const Robot& b) {
+  return std::pair(a.record.first_seen_us, a.record.robot) <
+         std::pair(b.record.first_seen_us, b.record.robot);
+}
+
+// Whose cells a robot is not told: its own. Of two with rough starts the one that joined later is
+// to correct itself by the other, and not the other way round.
+std::vector<std::uint16_t> MapServer::untold(const Robot& robot) const {
+  std::vector<std::uint16_t> robots{robot.record.robot};
+  if (!robot.rough) return robots;
+  for (const auto& [id, other] : robots_) {
+    if (other.was_rough && joined_before(robot, other)) robots.push_back(id);
+  }
+  return robots;
 }
 
 // Every start of a robot that does not know where it is has a map frame of its own.
@@ -600,6 +635,7 @@ void MapServer::tell_others() {
     for (const auto& [key, changed] : changes) bounds = bounds.united(changed);
     for (const auto& [window, robot] : windows) {
       if (bounds.intersection(window).empty() || robot->record.robot == from) continue;
+      if (robot->rough && std::ranges::count(untold(*robot), from) != 0) continue;
       for (const auto& [key, changed] : changes) robot->downlink.mark(key, changed);
     }
   }
@@ -616,12 +652,13 @@ void MapServer::send_downlink(Robot& robot, TimeUs now_us) {
 
 // False when nothing is left to send.
 bool MapServer::send_downlink_datagram(Robot& robot, TimeUs now_us) {
+  const std::vector<std::uint16_t> without = untold(robot);
   const auto parts = robot.downlink.nearest(robot.cell, kMaxRegionsPerUpdate);
   MapUpdateWriter writer(body_of(out_), cell_um_.value_or(1), {});
   std::vector<Downlink::Part> written;
   for (const Downlink::Part& part : parts) {
     const auto cells = std::span(cells_).first(static_cast<std::size_t>(part.rect.area()));
-    map_.read_others(robot.record.robot, part.key, part.rect, cells);
+    map_.read_without(without, part.key, part.rect, cells);
     if (!ok(writer.add(part.key.layer, part.rect, cells))) break;
     written.push_back(part);
   }

@@ -139,6 +139,8 @@ class MapServer {
     bool heard = false;         // since this server started
     std::uint64_t boot = 0;     // of its present start; 0: not heard yet
     ReplayWindow window;        // of its present epoch
+    bool rough = false;         // looks for where it started, by what others see
+    bool was_rough = false;     // in this run of the server
     bool begins_epoch = false;  // with the datagram at hand
     std::uint32_t hello = 0;    // the newest taken; 0: none, so its map's window is not known
     const DatagramSeal* seal = nullptr;
@@ -155,7 +157,7 @@ class MapServer {
     bool command_pending = false;
     std::uint32_t command_sequence = 0;
     TimeUs command_sent_us = 0;
-    std::optional<MapFrame> frame;  // where its map frame was found to lie, while it is apart
+    std::optional<MapFrame> frame;  // where its map frame lies, while it does not know it
     TimeUs frame_sent_us = 0;
     TrafficCounters logged_traffic;
   };
@@ -168,6 +170,9 @@ class MapServer {
   void start_epoch(Robot& robot, const DatagramHeader& header, TimeUs now_us);
   void forget_frame(Robot& robot, TimeUs now_us);
   void take_frame(Robot& robot, const Hello& hello, TimeUs now_us);
+  void set_rough(Robot& robot, bool rough);
+  static bool joined_before(const Robot& a, const Robot& b);
+  std::vector<std::uint16_t> untold(const Robot& robot) const;
   void keep_apart(Robot& robot, TimeUs now_us);
   void end_apart(Robot& robot);
   MapStore& map_of(const Robot& robot);

@@ -115,16 +115,20 @@ std::uint8_t MapStore::merged_value(Layer layer, Cell cell) const {
   return sums == sums_.end() ? std::uint8_t{0} : merged(layer, sums->second[tile_index(cell)]);
 }
 
-void MapStore::read_others(std::uint16_t robot, const TileKey& key, const CellRect& rect,
-                           std::span<std::uint8_t> out) const {
+void MapStore::read_without(std::span<const std::uint16_t> robots, const TileKey& key,
+                            const CellRect& rect, std::span<std::uint8_t> out) const {
   const auto sums = sums_.find(key);
-  const RobotTile* own = robot_tile(robot, key);
+  std::vector<const RobotTile*> without;
+  for (const std::uint16_t robot : robots) {
+    if (const RobotTile* tile = robot_tile(robot, key)) without.push_back(tile);
+  }
   std::size_t i = 0;
   for (std::int32_t y = rect.y; y < rect.top(); ++y) {
     for (std::int32_t x = rect.x; x < rect.right(); ++x) {
       const std::size_t index = tile_index({x, y});
-      const std::uint32_t all = sums == sums_.end() ? 0 : sums->second[index];
-      out[i++] = merged(key.layer, all - (own == nullptr ? 0u : own->cells[index]));
+      std::uint32_t sum = sums == sums_.end() ? 0 : sums->second[index];
+      for (const RobotTile* tile : without) sum -= tile->cells[index];
+      out[i++] = merged(key.layer, sum);
     }
   }
 }

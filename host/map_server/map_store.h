@@ -62,9 +62,9 @@ class MapStore {
   std::uint8_t robot_value(std::uint16_t robot, Layer layer, Cell cell) const;
   // Sum of the visits (at most 255), or 1 when any robot says obstacle.
   std::uint8_t merged_value(Layer layer, Cell cell) const;
-  // The same without `robot`'s share, for `rect` within one tile; rect.area() bytes.
-  void read_others(std::uint16_t robot, const TileKey& key, const CellRect& rect,
-                   std::span<std::uint8_t> out) const;
+  // The same without what `robots` said, for `rect` within one tile; rect.area() bytes.
+  void read_without(std::span<const std::uint16_t> robots, const TileKey& key, const CellRect& rect,
+                    std::span<std::uint8_t> out) const;
 
   // The merged values of a whole tile; kTileCells bytes.
   void read_merged(const TileKey& key, std::span<std::uint8_t> out) const;

@@ -40,9 +40,9 @@ TEST_F(MapStoreTest, TheSumSaturatesAt255AndTheOthersShareIsStillRight) {
   visits(2, {0, 0, 1, 1}, {100});
   EXPECT_EQ(store_.merged_value(Layer::kVisits, {0, 0}), 255);
   Bytes out(1);
-  store_.read_others(1, {Layer::kVisits, 0, 0}, {0, 0, 1, 1}, out);
+  store_.read_without(std::array<std::uint16_t, 1>{1}, {Layer::kVisits, 0, 0}, {0, 0, 1, 1}, out);
   EXPECT_EQ(out[0], 100);
-  store_.read_others(3, {Layer::kVisits, 0, 0}, {0, 0, 1, 1}, out);
+  store_.read_without(std::array<std::uint16_t, 1>{3}, {Layer::kVisits, 0, 0}, {0, 0, 1, 1}, out);
   EXPECT_EQ(out[0], 255);
 }
 

@@ -101,7 +101,7 @@ Result<std::size_t> encode(const Hello& message, std::span<std::uint8_t> out) {
   writer.u24(static_cast<std::uint32_t>(message.cell_um));
   write_window(writer, message.window);
   writer.u8(static_cast<std::uint8_t>((message.resuming ? 1 : 0) | (message.moved_frame ? 2 : 0) |
-                                      (message.apart ? 4 : 0)));
+                                      (message.apart ? 4 : 0) | (message.rough ? 8 : 0)));
   writer.u8(message.name_size);
   for (const char c : message.name()) writer.u8(static_cast<std::uint8_t>(c));
   return finished(writer);
@@ -116,10 +116,11 @@ Result<Hello> decode_hello(std::span<const std::uint8_t> body) {
   const std::uint8_t name_size = reader.u8();
   const auto name = reader.bytes(name_size);
   if (const Status status = ending(reader); !ok(status)) return status;
-  if (name_size > Hello::kMaxName || message.cell_um == 0 || flags > 7) return Status::kCorrupt;
+  if (name_size > Hello::kMaxName || message.cell_um == 0 || flags > 15) return Status::kCorrupt;
   message.resuming = (flags & 1) != 0;
   message.moved_frame = (flags & 2) != 0;
   message.apart = (flags & 4) != 0;
+  message.rough = (flags & 8) != 0;
   for (const std::uint8_t c : name) {
     if (!is_printable(static_cast<char>(c))) return Status::kCorrupt;
     message.name_storage[message.name_size++] = static_cast<char>(c);

@@ -42,6 +42,8 @@ struct Hello {
   bool moved_frame = false;
   // Where its map frame lies in the team's is not known: the server keeps its map apart.
   bool apart = false;
+  // Its start was told roughly, and it goes on looking for where it really was.
+  bool rough = false;
   std::array<char, kMaxName> name_storage{};  // printable ASCII
   std::uint8_t name_size = 0;
   std::string_view name() const { return {name_storage.data(), name_size}; }
@@ -150,8 +152,8 @@ struct RobotPlaces {
 Result<std::size_t> encode(const RobotPlaces& message, std::span<std::uint8_t> out);
 Result<RobotPlaces> decode_robot_places(std::span<const std::uint8_t> body);
 
-// Where the map frame of a robot that was kept apart lies; sent until the robot begins its next
-// epoch, in which its cells are in the team's frame.
+// Where the map frame of a robot lies that is apart, or whose start is rough: sent until it says
+// that it is so no more.
 struct MapFrame {
   std::uint32_t epoch = 0;  // the robot's, for which this holds
   Pose frame;               // T_team_robot's frame

@@ -86,8 +86,8 @@ TEST(Messages, HelloRefusesLongOrUnprintableNamesUnknownFlagsAndCellsOfNoSize) {
   EXPECT_EQ(hello_with(1, 0, {'x'}), Status::kOk);
   EXPECT_EQ(hello_with(1, 0, Bytes(25, 'x')), Status::kCorrupt);
   EXPECT_EQ(hello_with(1, 0, {0x07}), Status::kCorrupt);
-  EXPECT_EQ(hello_with(1, 7, {'x'}), Status::kOk);
-  EXPECT_EQ(hello_with(1, 8, {'x'}), Status::kCorrupt);
+  EXPECT_EQ(hello_with(1, 15, {'x'}), Status::kOk);
+  EXPECT_EQ(hello_with(1, 16, {'x'}), Status::kCorrupt);
   EXPECT_EQ(hello_with(0, 0, {'x'}), Status::kCorrupt);
 }
 

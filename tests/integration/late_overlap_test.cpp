@@ -42,6 +42,11 @@ std::shared_ptr<const host::World> two_rooms() {
   return world;
 }
 
+Pose to_pose(const host::TruePose& pose) {
+  const auto um = [](double m) { return static_cast<std::int32_t>(std::lround(m * 1e6)); };
+  return {{um(pose.x_m), um(pose.y_m)}, BinaryAngle::from_radians(pose.heading_rad)};
+}
+
 class LateOverlap : public testing::Test {
  protected:
   void add_robot(const Pose& start, const Pose& told_start, bool rough) {
@@ -146,6 +151,35 @@ TEST_F(LateOverlap, CorrectsTheMapFrameAndWhatWasToldInIt) {
   EXPECT_LT(ghosts(1), ghosts_before / 10);
   EXPECT_EQ(rough.localization().counters().lost, 0u);
   EXPECT_EQ(robots_[0]->body().collisions() + robots_[1]->body().collisions(), 0);
+}
+
+// Both in wrong frames from the beginning: the first keeps its own, the other takes it over.
+TEST_F(LateOverlap, OfTwoRoughRobotsOnlyOneCorrectsItself) {
+  add_robot({{2'000'000, 1'600'000}, BinaryAngle::from_degrees(90)},
+            {{2'300'000, 1'350'000}, BinaryAngle::from_degrees(100)}, true);
+  add_robot({{4'000'000, 1'000'000}, BinaryAngle::from_degrees(180)},
+            {{4'000'000, 1'000'000}, BinaryAngle::from_degrees(180)}, true);
+  // T_believed_true of the robots' map frames, while they stand.
+  const auto frame_of = [this](std::size_t robot) {
+    const Pose truth = to_pose(robots_[robot]->body().pose());
+    return compose(robots_[robot]->agent().pose(), relative_pose(truth, {}));
+  };
+  run_for(10 * kSecondUs);
+  const Pose first = frame_of(0);
+  EXPECT_FALSE(is_near(first, frame_of(1), 200'000, 728));
+  const TimeUs limit_us = now_us_ + 180 * kSecondUs;
+  while (robots_[1]->agent().start_pose() != StartPose::kCorrected && now_us_ < limit_us) tick();
+  ASSERT_EQ(robots_[1]->agent().start_pose(), StartPose::kCorrected);
+  run_for(30 * kSecondUs);
+  EXPECT_EQ(robots_[0]->agent().start_pose(), StartPose::kGiven);
+  for (const auto& robot : robots_) robot->agent().request_stop();
+  run_for(3 * kSecondUs);
+  for (std::size_t robot = 0; robot < 2; ++robot) {
+    const Pose frame = frame_of(robot);
+    std::printf("frame of robot %zu: %+.3f %+.3f m, %+.2f degrees\n", robot + 1,
+                frame.position.x_um * 1e-6, frame.position.y_um * 1e-6, frame.heading.degrees());
+    EXPECT_TRUE(is_near(frame, first, 120'000, 364));
+  }
 }
 
 }  // namespace
