@@ -243,7 +243,9 @@ std::optional<FrontierGoal> Explorer::next_frontier(FrontierRule rule) const {
   if (config_.region_cells > 0) {
     // Less than a sixteenth of a region is crumbs: those are collected last, nearest first.
     const std::int32_t least = config_.region_cells * config_.region_cells / 16;
-    if (const auto rich = richest_region(map_, paths_, config_.region_cells, least)) return rich;
+    const auto rich = richest_region(map_, paths_, rich_area(), config_.region_cells,
+                                     config_.region_way_cells, least);
+    if (rich) return rich;
   }
   // Slits along walls are collected last: they cost as much driving as doorways do.
   const auto wide = find_frontier(rule, config_.wide_frontier_size);
@@ -251,6 +253,13 @@ std::optional<FrontierGoal> Explorer::next_frontier(FrontierRule rule) const {
   const bool looked_at_all =
       config_.wide_frontier_size <= config_.min_frontier_size || clearance_ == Clearance::kEscape;
   return wide || looked_at_all ? wide : find_frontier(rule, config_.min_frontier_size);
+}
+
+// Where regions are looked for. Where robots drive into the unknown, what lies beyond everything
+// that was ever seen is most likely the far side of a wall: little of it counts.
+CellRect Explorer::rich_area() const {
+  if (!config_.paths.unknown_is_traversable) return paths_.region();
+  return map_.known_rect().grown(config_.region_cells / 8);
 }
 
 std::optional<FrontierGoal> Explorer::find_frontier(FrontierRule rule, int min_size) const {

@@ -36,6 +36,8 @@ struct ExplorerConfig {
   // Side of the regions of the whole map that such robots compare when the local map is not worth
   // visiting; 0: they go to the nearest frontier.
   std::int32_t region_cells = 0;
+  // Added to the way to each of them: the more, the further a robot goes for a richer one.
+  std::int32_t region_way_cells = 0;
   // Smaller frontiers of the whole map are taken for noise.
   std::int32_t min_frontier_size = 1;
   // Frontiers of at least this size come first, however far away they are.
@@ -61,6 +63,7 @@ struct ExplorerConfig {
     c.min_local_unseen = 400;        // of the local map's 4,096
     c.min_local_value_q8 = 11 * 64;  // 2.75; on untouched ground the best goal has 4.3
     c.region_cells = 32;
+    c.region_way_cells = 48;
     return c;
   }
   // A robot with a lidar: visits count within `visit_range_um`; the local map is about four visit
@@ -86,6 +89,7 @@ struct ExplorerConfig {
   constexpr void let_network_decide() {
     view_reach_um = 0;
     region_cells = 16 * pool;
+    region_way_cells = 8 * pool;
   }
 };
 
@@ -204,6 +208,7 @@ class Explorer {
   enum class FrontierRule : std::uint8_t { kNearest, kBestView };
   std::optional<FrontierGoal> choose_frontier(FrontierRule rule);
   std::optional<FrontierGoal> next_frontier(FrontierRule rule) const;
+  CellRect rich_area() const;
   std::optional<FrontierGoal> find_frontier(FrontierRule rule, int min_size) const;
   Decision select_frontier(const Pose& pose, FrontierRule rule);
   bool is_open(Cell c) const;

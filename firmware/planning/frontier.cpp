@@ -162,8 +162,9 @@ bool has_reachable_frontier(const ExplorationMap& map, const ShortestPathMap& pa
 }
 
 std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const ShortestPathMap& paths,
-                                           std::int32_t side, std::int32_t least) {
-  const CellRect all = paths.region().intersection(map.known_rect().grown(side / 8));
+                                           const CellRect& rect, std::int32_t side,
+                                           std::int32_t way, std::int32_t least) {
+  const CellRect all = paths.region().intersection(rect);
   const std::int32_t half = side / 2;
   const auto half_at = [&](std::int32_t x, std::int32_t y) {
     return survey(map, CellRect{x, y, half, side}.intersection(all));
@@ -176,7 +177,7 @@ std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const Shor
       right = half_at(x + half, y);
       Region region = left.united(right);
       if (region.cells < least) continue;
-      region.nearest_cost += 3 * half * path::kStraight;
+      region.nearest_cost += way * path::kStraight;
       if (region.cells * best.nearest_cost <= best.cells * region.nearest_cost) continue;
       best = region;
     }

@@ -49,14 +49,13 @@ std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
                                              std::int32_t stand_off, int min_size);
 
 // Where most is left to see for the way there, for robots that may drive into the unknown: the
-// region of `side` x `side` cells (an even number) with the most unseen cells in reach, divided by
-// the path to the nearest of them and one and a half regions more. Regions overlap by half.
-// What lies more than an eighth of `side` beyond everything that was ever seen does not count: it
-// is most likely the far side of a wall. `frontier` and `stand` are the unseen cell nearest to the
-// middle of the region's unseen cells. No value when every region holds fewer than `least` such
-// cells. Ties: lowest row, then column.
+// region of `side` x `side` cells (an even number) of `rect` with the most unseen cells in reach,
+// divided by the path to the nearest of them and `way` cells more. Regions overlap by half.
+// `frontier` and `stand` are the unseen cell nearest to the middle of the region's unseen cells. No
+// value when every region holds fewer than `least` such cells. Ties: lowest row, then column.
 std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const ShortestPathMap& paths,
-                                           std::int32_t side, std::int32_t least);
+                                           const CellRect& rect, std::int32_t side,
+                                           std::int32_t way, std::int32_t least);
 
 // How many unseen cells of `rect` can be driven to.
 std::int32_t count_reachable_unseen(const ExplorationMap& map, const ShortestPathMap& paths,

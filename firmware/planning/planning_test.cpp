@@ -84,25 +84,23 @@ TEST(Frontier, SpecksAreNotWide) {
   EXPECT_EQ(nearest_frontier(world.map, world.paths, world.region, 1, 3)->frontier.x, 6);
 }
 
-TEST(RichestRegion, WeighsWhatIsUnseenAgainstTheWayThere) {
-  Drawn world({"........            .",  //
-               ".  .....             ",  // two unseen cells close by, many further on
-               ".  .....             ",  //
-               "........             "});
-  world.paths.compute(world.map, {0, 0}, world.region);
-  EXPECT_EQ(count_reachable_unseen(world.map, world.paths, world.region), 4 + 4 * 13 - 1);
-  const auto all = richest_region(world.map, world.paths, 4, 1);
-  ASSERT_TRUE(all.has_value());
-  EXPECT_EQ(all->frontier.x, 9) << "the first region that is all unseen, not the pocket";
-  EXPECT_EQ(richest_region(world.map, world.paths, 4, 17), std::nullopt) << "a region holds 16";
+std::optional<FrontierGoal> richest(const Drawn& world, std::int32_t least) {
+  return richest_region(world.map, world.paths, world.region, 4, 2, least);
 }
 
-TEST(RichestRegion, LeavesOutWhatLiesBeyondEverythingSeen) {
-  Drawn world({".....   ",  //
-               ".  ..   ",  //
-               ".....   "});
+TEST(RichestRegion, WeighsWhatIsUnseenAgainstTheWayThere) {
+  Drawn world({"........            ",  //
+               ".  .....            ",  // two unseen cells close by, many further on
+               ".  .....            ",  //
+               "........            "});
   world.paths.compute(world.map, {0, 0}, world.region);
-  EXPECT_EQ(richest_region(world.map, world.paths, 4, 1)->frontier, (Cell{1, 1}));
+  EXPECT_EQ(count_reachable_unseen(world.map, world.paths, world.region), 4 + 4 * 12);
+  const auto all = richest(world, 1);
+  ASSERT_TRUE(all.has_value());
+  EXPECT_EQ(all->frontier.x, 9) << "the first region that is all unseen, not the pocket";
+  EXPECT_EQ(richest(world, 17), std::nullopt) << "a region holds 16";
+  const CellRect seen = world.map.known_rect();
+  EXPECT_EQ(richest_region(world.map, world.paths, seen, 4, 2, 1)->frontier, (Cell{1, 1}));
 }
 
 TEST(RichestRegion, LeavesOutWhatIsOutOfReachOrGivenUp) {
@@ -111,18 +109,16 @@ TEST(RichestRegion, LeavesOutWhatIsOutOfReachOrGivenUp) {
                ".....#    "});
   world.paths.compute(world.map, {0, 0}, world.region);
   EXPECT_EQ(count_reachable_unseen(world.map, world.paths, world.region), 2);
-  EXPECT_EQ(richest_region(world.map, world.paths, 4, 1)->frontier, (Cell{1, 1}));
+  EXPECT_EQ(richest(world, 1)->frontier, (Cell{1, 1}));
   world.map.set_flag({1, 1}, cell_flag::kGivenUp);
   world.map.set_flag({2, 1}, cell_flag::kGivenUp);
-  EXPECT_EQ(richest_region(world.map, world.paths, 4, 1), std::nullopt);
+  EXPECT_EQ(richest(world, 1), std::nullopt);
 }
 
 // The definition, cell by cell.
 std::optional<FrontierGoal> richest_by_definition(const Drawn& world, std::int32_t side,
-                                                  std::int32_t least) {
-  const CellRect all = world.region.intersection(world.map.known_rect().grown(side / 8));
-  const auto cells_of = [&](const CellRect& region) {
-    const CellRect rect = region.intersection(all);
+                                                  std::int32_t way, std::int32_t least) {
+  const auto cells_of = [&](const CellRect& rect) {
     std::vector<Cell> cells;
     for (std::int32_t y = rect.y; y < rect.top(); ++y) {
       for (std::int32_t x = rect.x; x < rect.right(); ++x) {
@@ -136,12 +132,12 @@ std::optional<FrontierGoal> richest_by_definition(const Drawn& world, std::int32
   const auto cost = [&](Cell c) { return world.paths.cost_at(world.map, c); };
   std::vector<Cell> best;
   double best_worth = 0;
-  for (std::int32_t y = all.y; y < all.top(); y += side / 2) {
-    for (std::int32_t x = all.x; x < all.right(); x += side / 2) {
+  for (std::int32_t y = 0; y < world.region.top(); y += side / 2) {
+    for (std::int32_t x = 0; x < world.region.right(); x += side / 2) {
       const std::vector<Cell> cells = cells_of({x, y, side, side});
       if (cells.empty() || static_cast<std::int32_t>(cells.size()) < least) continue;
       const int nearest = cost(std::ranges::min(cells, {}, cost));
-      const double worth = static_cast<double>(cells.size()) / (nearest + 12 * 3 * side / 2);
+      const double worth = static_cast<double>(cells.size()) / (nearest + 12 * way);
       if (worth <= best_worth) continue;
       best_worth = worth;
       best = cells;
@@ -169,9 +165,10 @@ TEST(RichestRegion, IsWhatItsDefinitionSaysOnRandomMaps) {
     world.map.set_flag({4, 4}, cell_flag::kGivenUp);
     world.paths.compute(world.map, {0, 0}, world.region);
     const std::int32_t side = 2 + 2 * static_cast<std::int32_t>(random() % 5);
+    const auto way = static_cast<std::int32_t>(random() % 20);
     const auto least = static_cast<std::int32_t>(random() % 9);
-    ASSERT_EQ(richest_region(world.map, world.paths, side, least),
-              richest_by_definition(world, side, least))
+    ASSERT_EQ(richest_region(world.map, world.paths, world.region, side, way, least),
+              richest_by_definition(world, side, way, least))
         << round;
   }
 }
