@@ -145,6 +145,8 @@ class MapLinkTest : public testing::Test {
     config.name = "r1";
     return config;
   }
+  explicit MapLinkTest(const MapLinkConfig& config = MapLinkTest::config())
+      : link_(map_, radio_.robot(), config) {}
   // Lets both sides work for `duration_us`.
   void run(TimeUs duration_us) {
     for (const TimeUs end = now_ + duration_us; now_ < end; now_ += kTick) {
@@ -168,7 +170,7 @@ class MapLinkTest : public testing::Test {
   TimeUs now_ = 5 * kSecond;
   FakeRadio radio_{1};
   SmallMap map_{{-50, -40, 300, 90}};
-  MapLink link_{map_, radio_.robot(), config()};
+  MapLink link_;
   ServerModel server_{radio_.server(), 100};
 };
 
@@ -369,71 +371,64 @@ TEST_F(MapLinkTest, InANewFrameNothingButHellosLeavesUntilTheServerKnows) {
   EXPECT_TRUE(link_.all_acknowledged());
 }
 
-TEST_F(MapLinkTest, ARobotThatDoesNotKnowWhereItIsSaysSoBeforeAllElseAndMovesOnceItIsTold) {
-  FakeRadio radio(1);
-  ServerModel server(radio.server(), 100);
-  SmallMap map({-50, -50, 100, 100});
-  MapLinkConfig config;
-  config.apart = true;
-  MapLink link(map, radio.robot(), config);
-  map.visit({0, 0, 5, 5});
-  link.mark_dirty(Layer::kVisits, {0, 0, 5, 5});
-  const auto pass = [&](TimeUs duration_us, bool server_answers = true) {
-    for (const TimeUs end = now_ + duration_us; now_ < end; now_ += kTick) {
-      radio.set_now(now_);
-      link.step(now_, {});
-      if (server_answers) server.step();
-    }
-  };
-  pass(kTick);
-  pass(kTick);  // welcomed; the hello that tells the present server has not been answered yet
-  EXPECT_EQ(server.received[MessageKind::kMapUpdate] + server.received[MessageKind::kStatus], 0);
-  EXPECT_TRUE(server.last_hello.apart);
-  pass(3 * kSecond);
-  EXPECT_EQ(server.value(Layer::kVisits, {2, 2}), 1);
-  EXPECT_FALSE(link.take_frame().has_value());
+class ApartLinkTest : public MapLinkTest {
+ protected:
+  ApartLinkTest() : MapLinkTest(apart()) {}
+  static MapLinkConfig apart() {
+    MapLinkConfig apart = config();
+    apart.apart = true;
+    return apart;
+  }
+};
+
+TEST_F(ApartLinkTest, ARobotThatDoesNotKnowWhereItIsSaysSoBeforeAllElseAndMovesOnceItIsTold) {
+  visit({0, 0, 5, 5});
+  run(kTick);
+  run(kTick);  // welcomed; the hello that tells the present server has not been answered yet
+  EXPECT_EQ(server_.received[MessageKind::kMapUpdate] + server_.received[MessageKind::kStatus], 0);
+  EXPECT_TRUE(server_.last_hello.apart);
+  run(3 * kSecond);
+  EXPECT_EQ(server_.value(Layer::kVisits, {2, 2}), 1);
+  EXPECT_FALSE(link_.take_frame().has_value());
   const Pose frame{{1'000'000, 2'000'000}, BinaryAngle::from_degrees(137)};
-  server.send_frame({link.epoch() - 1, frame});
-  pass(kSecond);
-  EXPECT_FALSE(link.take_frame().has_value()) << "of another epoch";
-  server.send_frame({link.epoch(), frame});
-  pass(kSecond);
-  EXPECT_EQ(link.take_frame(), frame);
-  link.move_frame();
-  pass(3 * kSecond);
-  EXPECT_FALSE(server.last_hello.apart);
-  EXPECT_TRUE(server.last_hello.moved_frame);
-  EXPECT_FALSE(server.restore_requests.empty());
-  server.send_frame({link.epoch(), frame});
-  pass(kSecond);
-  EXPECT_FALSE(link.take_frame().has_value()) << "it is part of the team";
+  server_.send_frame({link_.epoch() - 1, frame});
+  run(kSecond);
+  EXPECT_FALSE(link_.take_frame().has_value()) << "of another epoch";
+  server_.send_frame({link_.epoch(), frame});
+  run(kSecond);
+  EXPECT_EQ(link_.take_frame(), frame);
+  link_.move_frame();
+  run(3 * kSecond);
+  EXPECT_FALSE(server_.last_hello.apart);
+  EXPECT_TRUE(server_.last_hello.moved_frame);
+  EXPECT_FALSE(server_.restore_requests.empty());
+  server_.send_frame({link_.epoch(), frame});
+  run(kSecond);
+  EXPECT_FALSE(link_.take_frame().has_value()) << "it is part of the team";
 }
 
-TEST_F(MapLinkTest, ARobotWithARoughStartSaysSoUntilItIsToldThatItsFrameHolds) {
-  FakeRadio radio(1);
-  ServerModel server(radio.server(), 100);
-  SmallMap map({-50, -50, 100, 100});
-  MapLinkConfig config;
-  config.rough = true;
-  MapLink link(map, radio.robot(), config);
-  const auto pass = [&] {
-    for (const TimeUs end = now_ + 2 * kSecond; now_ < end; now_ += kTick) {
-      radio.set_now(now_);
-      link.step(now_, {});
-      server.step();
-    }
-  };
-  pass();
-  EXPECT_TRUE(server.last_hello.rough);
-  EXPECT_GT(server.received[MessageKind::kStatus], 0) << "it is part of the team all the same";
-  server.send_frame({link.epoch(), {}});
-  pass();
-  EXPECT_EQ(link.take_frame(), Pose{});
-  const std::uint32_t epoch = link.epoch();
-  link.end_rough();
-  pass();
-  EXPECT_FALSE(server.last_hello.rough);
-  EXPECT_EQ(link.epoch(), epoch);
+class RoughLinkTest : public MapLinkTest {
+ protected:
+  RoughLinkTest() : MapLinkTest(rough()) {}
+  static MapLinkConfig rough() {
+    MapLinkConfig rough = config();
+    rough.rough = true;
+    return rough;
+  }
+};
+
+TEST_F(RoughLinkTest, ARobotWithARoughStartSaysSoUntilItIsToldThatItsFrameHolds) {
+  run(2 * kSecond);
+  EXPECT_TRUE(server_.last_hello.rough);
+  EXPECT_GT(server_.received[MessageKind::kStatus], 0) << "it is part of the team all the same";
+  server_.send_frame({link_.epoch(), {}});
+  run(2 * kSecond);
+  EXPECT_EQ(link_.take_frame(), Pose{});
+  const std::uint32_t epoch = link_.epoch();
+  link_.end_rough();
+  run(2 * kSecond);
+  EXPECT_FALSE(server_.last_hello.rough);
+  EXPECT_EQ(link_.epoch(), epoch);
 }
 
 TEST_F(MapLinkTest, NothingButAHelloLeavesBeforeTheWelcome) {

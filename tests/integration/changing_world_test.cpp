@@ -4,20 +4,13 @@
 
 #include <cstdio>
 #include <memory>
-#include <vector>
 
-#include "firmware/agent/linux/agent_setup.h"
 #include "host/simulator/doors.h"
-#include "tests/replay/simulated_robot.h"
+#include "tests/integration/simulated_team.h"
 
 namespace ivfm {
 namespace {
 
-using replay::SimulatedRobot;
-
-constexpr TimeUs kTickUs = 2'000;
-constexpr TimeUs kExchangeUs = 20'000;
-constexpr TimeUs kSecondUs = 1'000'000;
 // Revolutions of the lidar, 5.5 a second: a cell closes with the second in a row that hits it, and
 // opens with the 24th beam through it; the one in which the door moves and beams that get lost are
 // more.
@@ -38,16 +31,13 @@ host::World two_rooms() {
   return world;
 }
 
-class StandingRobot : public testing::Test {
+class StandingRobot : public SimulatedTeam {
  protected:
   StandingRobot() {
-    AgentOptions options;
-    AgentConfig config = make_agent_config(options, McuProfile::kCellUm, 1);
+    world_ = std::make_shared<host::World>(changing_);
+    AgentConfig config = make_agent_config({}, McuProfile::kCellUm, 1);
     config.start = {{600'000, 1'000'000}, {}};
-    robots_.push_back(std::make_unique<SimulatedRobot>(config, config.start,
-                                                       std::make_shared<host::World>(world_),
-                                                       host::OdometryNoise::preset("none"), 1));
-    team_.add(robots_[0]->radio());
+    add_robot(config, config.start, "none");
     robots_[0]->agent().request_stop();
   }
   // Revolutions fused until `condition` holds; more than 100 when it never does.
@@ -59,12 +49,10 @@ class StandingRobot : public testing::Test {
     return progress.scans_fused - before;
   }
   void tick() {
-    now_us_ += kTickUs;
-    if (doors_.step(now_us_, world_, {}, 0)) {
-      robots_[0]->enter(std::make_shared<host::World>(world_));
+    if (doors_.step(now_us_ + kTickUs, changing_, {}, 0)) {
+      robots_[0]->enter(std::make_shared<host::World>(changing_));
     }
-    robots_[0]->tick(now_us_);
-    if (now_us_ % kExchangeUs == 0) team_.exchange(now_us_);
+    SimulatedTeam::tick();
   }
   void run_until(TimeUs time_us) {
     while (now_us_ < time_us) tick();
@@ -89,11 +77,8 @@ class StandingRobot : public testing::Test {
         [&](Cell c) { return team_.server().map().merged_value(Layer::kObstacles, c) != 0; });
   }
 
-  host::World world_ = two_rooms();
-  host::Doors doors_{world_, {host::parse_door("2,0.6,2.05,1.4@20s+20s")}};
-  std::vector<std::unique_ptr<SimulatedRobot>> robots_;
-  host::TeamRadio team_;
-  TimeUs now_us_ = 5 * kSecondUs;
+  host::World changing_ = two_rooms();
+  host::Doors doors_{changing_, {host::parse_door("2,0.6,2.05,1.4@20s+20s")}};
 };
 
 TEST_F(StandingRobot, SeesADoorCloseAndOpen) {

@@ -7,17 +7,10 @@
 #include <cstdio>
 #include <memory>
 
-#include "firmware/agent/linux/agent_setup.h"
-#include "tests/replay/simulated_robot.h"
+#include "tests/integration/simulated_team.h"
 
 namespace ivfm {
 namespace {
-
-using replay::SimulatedRobot;
-
-constexpr TimeUs kTickUs = 2'000;
-constexpr TimeUs kExchangeUs = 20'000;
-constexpr TimeUs kSecondUs = 1'000'000;
 
 // 12 m by 2 m with pillars along both walls, in cells of 25 mm.
 std::shared_ptr<const host::World> make_corridor() {
@@ -46,29 +39,22 @@ AgentConfig config_at(const Pose& start, int robot) {
   return config;
 }
 
-class MeetingRobots : public testing::Test {
+class MeetingRobots : public SimulatedTeam {
  protected:
   MeetingRobots() {
     const std::array starts = {Pose{{600'000, 1'000'000}, BinaryAngle::from_degrees(0)},
                                Pose{{11'400'000, 1'000'000}, BinaryAngle::from_degrees(180)}};
+    world_ = make_corridor();
     for (int i = 0; i < 2; ++i) {
       const Pose& start = starts[static_cast<std::size_t>(i)];
-      robots_.push_back(std::make_unique<SimulatedRobot>(
-          config_at(start, i + 1), start, make_corridor(), host::OdometryNoise::preset("mild"), 1));
-      team_.add(robots_.back()->radio());
+      add_robot(config_at(start, i + 1), start, "mild");
     }
   }
   // Until both have explored the corridor.
   void explore() {
-    TimeUs now_us = 5 * kSecondUs;
-    for (const TimeUs end_us = now_us + 180 * kSecondUs; now_us < end_us && !explored();) {
-      now_us += kTickUs;
-      for (std::size_t i = 0; i < 2; ++i) {
-        robots_[i]->meet({robots_[1 - i]->body().pose()});
-        robots_[i]->tick(now_us);
-      }
-      if (now_us % kExchangeUs == 0) team_.exchange(now_us);
-      if (now_us % kSecondUs == 0) most_ghosts_ = std::max(most_ghosts_, ghosts());
+    for (const TimeUs end_us = now_us_ + 180 * kSecondUs; now_us_ < end_us && !explored();) {
+      tick();
+      if (now_us_ % kSecondUs == 0) most_ghosts_ = std::max(most_ghosts_, ghosts());
     }
     EXPECT_TRUE(explored());
     for (const auto& robot : robots_) {
@@ -92,8 +78,6 @@ class MeetingRobots : public testing::Test {
   }
 
   int most_ghosts_ = 0;
-  std::vector<std::unique_ptr<SimulatedRobot>> robots_;
-  host::TeamRadio team_;
 };
 
 TEST_F(MeetingRobots, AreNoPartOfTheMap) {

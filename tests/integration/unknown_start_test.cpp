@@ -7,18 +7,11 @@
 #include <memory>
 #include <vector>
 
-#include "firmware/agent/linux/agent_setup.h"
-#include "host/simulator/robot_body.h"
-#include "tests/replay/simulated_robot.h"
+#include "tests/integration/simulated_team.h"
 
 namespace ivfm {
 namespace {
 
-using replay::SimulatedRobot;
-
-constexpr TimeUs kTickUs = 2'000;
-constexpr TimeUs kExchangeUs = 20'000;
-constexpr TimeUs kSecondUs = 1'000'000;
 constexpr double kWorldCellM = 0.025;
 
 // Rectangles of wall in a hall, all in metres.
@@ -48,7 +41,7 @@ std::shared_ptr<const host::World> hall(double width_m, double height_m,
   return world;
 }
 
-class UnknownStart : public testing::Test {
+class UnknownStart : public SimulatedTeam {
  protected:
   // Robot 1 knows where it starts, the others do not.
   void add_robot(const Pose& start) {
@@ -58,24 +51,7 @@ class UnknownStart : public testing::Test {
     options.unknown_start = !robots_.empty();
     AgentConfig config = make_agent_config(options, RobotProfile::kCellUm, 1);
     if (robots_.empty()) config.start = start;
-    robots_.push_back(std::make_unique<SimulatedRobot>(
-        config, start, world_, host::OdometryNoise::preset("mild"), 1, replay::ProfileId::kRobot));
-    team_.add(robots_.back()->radio());
-  }
-  void run_for(TimeUs duration_us) {
-    for (const TimeUs end_us = now_us_ + duration_us; now_us_ < end_us;) tick();
-  }
-  void tick() {
-    now_us_ += kTickUs;
-    for (const auto& robot : robots_) {
-      std::vector<host::TruePose> others;
-      for (const auto& other : robots_) {
-        if (other != robot) others.push_back(other->body().pose());
-      }
-      robot->meet(std::move(others));
-      robot->tick(now_us_);
-    }
-    if (now_us_ % kExchangeUs == 0) team_.exchange(now_us_);
+    SimulatedTeam::add_robot(config, start, "mild", replay::ProfileId::kRobot);
   }
   bool is_apart(std::size_t robot) const {
     return robots_[robot]->agent().start_pose() == StartPose::kApart;
@@ -94,55 +70,6 @@ class UnknownStart : public testing::Test {
     EXPECT_EQ(link.regions_received, 0u);
     EXPECT_TRUE(robots_[robot]->agent().link().peers().empty());
   }
-  double error_m(std::size_t robot) const {
-    const Point believed = robots_[robot]->agent().pose().position;
-    const host::TruePose& truth = robots_[robot]->body().pose();
-    return std::hypot(believed.x_um * 1e-6 - truth.x_m, believed.y_um * 1e-6 - truth.y_m);
-  }
-  double error_deg(std::size_t robot) const {
-    const double believed = robots_[robot]->agent().pose().heading.radians();
-    return std::abs(
-               std::remainder(believed - robots_[robot]->body().pose().heading_rad, 2 * M_PI)) *
-           180 / M_PI;
-  }
-  // Obstacle cells of the team's map that lie more than 0.25 m from everything.
-  int ghosts() const {
-    int count = 0;
-    const auto cells = [](std::int32_t side) { return side * kWorldCellM / 0.05; };
-    for (std::int32_t y = 0; y < cells(world_->height); ++y) {
-      for (std::int32_t x = 0; x < cells(world_->width); ++x) {
-        if (team_.server().map().merged_value(Layer::kObstacles, {x, y}) == 0) continue;
-        const double x_m = (x + 0.5) * 0.05, y_m = (y + 0.5) * 0.05;
-        count += host::disc_touches_obstacle(*world_, x_m, y_m, 0.25) ? 0 : 1;
-      }
-    }
-    return count;
-  }
-  // Cells of the robot's window of which the server holds something else than the robot itself.
-  int differences(std::size_t robot) const {
-    const ExplorationMap& map = robots_[robot]->agent().explorer().map();
-    const CellRect& window = map.frame().window();
-    int count = 0;
-    for (const Layer layer : {Layer::kVisits, Layer::kObstacles}) {
-      for (std::int32_t y = window.y; y < window.top(); ++y) {
-        for (std::int32_t x = window.x; x < window.right(); ++x) {
-          std::uint8_t own = 0;
-          if (!ok(map.read_own(layer, {x, y, 1, 1}, {&own, 1}))) continue;
-          const auto id = static_cast<std::uint16_t>(robot + 1);
-          count += own != team_.server().map().robot_value(id, layer, {x, y}) ? 1 : 0;
-        }
-      }
-    }
-    return count;
-  }
-  bool server_has_the_same(std::size_t robot) {
-    for (const TimeUs end_us = now_us_ + 20 * kSecondUs; now_us_ < end_us;) {
-      for (const auto& each : robots_) each->agent().flush_map();
-      run_for(kExchangeUs);
-      if (differences(robot) == 0) return true;
-    }
-    return false;
-  }
   // Runs until the robot has joined; false when it has not.
   bool joins(std::size_t robot, TimeUs limit_us) {
     const TimeUs begun_us = now_us_;
@@ -159,20 +86,26 @@ class UnknownStart : public testing::Test {
     run_for(5 * kSecondUs);
     EXPECT_FALSE(is_said_to_be_apart(robot));
     EXPECT_TRUE(team_.server().apart_maps().empty());
-    EXPECT_TRUE(server_has_the_same(robot));
-    // Of a map in a wrong frame nearly all cells would be.
-    EXPECT_LT(ghosts(), static_cast<int>(team_.server().map().obstacle_cells() / 25));
+    EXPECT_TRUE(server_has_the_same());
+    const auto is_merged = [this](Cell c) {
+      return team_.server().map().merged_value(Layer::kObstacles, c) != 0;
+    };
+    // Of a map in a wrong frame nearly all cells would be ghosts.
+    EXPECT_LT(ghosts(0.25, is_merged),
+              static_cast<int>(team_.server().map().obstacle_cells() / 25));
     EXPECT_GT(robots_[robot]->agent().link().counters().regions_received, 0u);
     for (const auto& each : robots_) {
       EXPECT_EQ(each->body().collisions(), 0);
       EXPECT_EQ(each->agent().localization().counters().lost, 0u);
     }
   }
-
-  std::shared_ptr<const host::World> world_;
-  std::vector<std::unique_ptr<SimulatedRobot>> robots_;
-  host::TeamRadio team_;
-  TimeUs now_us_ = 5 * kSecondUs;
+  // Apart at first, then part of the team.
+  void expect_to_join(std::size_t robot, TimeUs limit_us) {
+    run_for(20 * kSecondUs);
+    expect_apart(robot);
+    ASSERT_TRUE(joins(robot, limit_us));
+    expect_joined(robot);
+  }
 };
 
 // A corridor of 14 m with pillars of different widths at different distances.
@@ -186,10 +119,7 @@ TEST_F(UnknownStart, InACorridorARobotJoinsOnceBothHaveSeenTheSamePart) {
   world_ = hall(14, 2, pillars());
   add_robot({{1'000'000, 1'000'000}, BinaryAngle::from_degrees(0)});
   add_robot({{12'800'000, 1'000'000}, BinaryAngle::from_degrees(137)});
-  run_for(20 * kSecondUs);
-  expect_apart(1);
-  ASSERT_TRUE(joins(1, 200 * kSecondUs));
-  expect_joined(1);
+  expect_to_join(1, 200 * kSecondUs);
 }
 
 TEST_F(UnknownStart, InABuildingARobotJoinsOnceBothHaveSeenTheSamePart) {
@@ -211,10 +141,7 @@ TEST_F(UnknownStart, InABuildingARobotJoinsOnceBothHaveSeenTheSamePart) {
                  {1.2, 6.6, 2.4, 7.0}});
   add_robot({{1'600'000, 1'600'000}, BinaryAngle::from_degrees(45)});
   add_robot({{9'300'000, 5'400'000}, BinaryAngle::from_degrees(137)});
-  run_for(20 * kSecondUs);
-  expect_apart(1);
-  ASSERT_TRUE(joins(1, 300 * kSecondUs));
-  expect_joined(1);
+  expect_to_join(1, 300 * kSecondUs);
 }
 
 TEST_F(UnknownStart, InASymmetricCorridorTheyStayApart) {
