@@ -80,7 +80,7 @@ void play(ExplorationEnvironment& env, std::uint64_t seed, Samples& samples) {
   }
   const EpisodeMetrics m = measured(env, {{sim_steps}}, 2);
   if (!m.found) return;
-  samples["steps"].push_back(static_cast<double>(m.steps));
+  samples["steps"].push_back(m.steps);
   samples["RER"].push_back(m.rer);
   if (m.pe) samples["PE, pixels per metre"].push_back(*m.pe);
   samples["coverage"].push_back(m.coverage);

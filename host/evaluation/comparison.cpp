@@ -39,7 +39,7 @@ PairedDifference paired_difference(std::span<const EpisodeMetrics> ours,
   return {all.mean, n > 1 ? all.std / std::sqrt(n - 1) : 0};
 }
 
-double steps_of(const EpisodeMetrics& episode) { return static_cast<double>(episode.steps); }
+double steps_of(const EpisodeMetrics& episode) { return episode.steps; }
 double metres_of(const EpisodeMetrics& episode) { return episode.distance_m; }
 
 std::int64_t not_found(std::span<const EpisodeMetrics> episodes) {

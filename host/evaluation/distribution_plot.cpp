@@ -16,7 +16,7 @@ constexpr double kLeft = 56, kRight = 20, kTop = 44, kBottom = 48;
 std::vector<double> sorted_steps(const Outcome& outcome) {
   std::vector<double> steps;
   for (const EpisodeMetrics& e : outcome.result.episodes) {
-    if (e.found) steps.push_back(std::max(1.0, static_cast<double>(e.steps)));
+    if (e.found) steps.push_back(std::max(1.0, e.steps));
   }
   std::ranges::sort(steps);
   return steps;

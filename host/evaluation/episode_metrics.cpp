@@ -14,8 +14,8 @@ constexpr double kPoseBytes = 6;  // x, y, theta as float16, with each rectangle
 constexpr std::array<NamedMetric, 11> kMetrics = {{
     {"rer", [](const EpisodeMetrics& e) { return std::optional(e.rer); }},
     {"pe", [](const EpisodeMetrics& e) { return e.pe; }},
-    {"steps", [](const EpisodeMetrics& e) { return std::optional<double>(e.steps); }},
-    {"makespan", [](const EpisodeMetrics& e) { return std::optional<double>(e.makespan); }},
+    {"steps", [](const EpisodeMetrics& e) { return std::optional(e.steps); }},
+    {"makespan", [](const EpisodeMetrics& e) { return std::optional(e.makespan); }},
     {"overlap", [](const EpisodeMetrics& e) { return std::optional(e.overlap); }},
     {"coverage", [](const EpisodeMetrics& e) { return std::optional(e.coverage); }},
     {"distance_m", [](const EpisodeMetrics& e) { return std::optional(e.distance_m); }},
@@ -23,7 +23,7 @@ constexpr std::array<NamedMetric, 11> kMetrics = {{
      [](const EpisodeMetrics& e) { return std::optional(e.bandwidth_paper_mib); }},
     {"wire_bytes", [](const EpisodeMetrics& e) { return e.wire_bytes; }},
     {"sim_time_s", [](const EpisodeMetrics& e) { return std::optional(e.sim_time_s); }},
-    {"collisions", [](const EpisodeMetrics& e) { return std::optional<double>(e.collisions); }},
+    {"collisions", [](const EpisodeMetrics& e) { return std::optional(e.collisions); }},
 }};
 
 constexpr std::array<NamedMetric, kMilestones.size() + 1> kMilestoneMetrics = {{
@@ -33,6 +33,12 @@ constexpr std::array<NamedMetric, kMilestones.size() + 1> kMilestoneMetrics = {{
     {"t95_m", [](const EpisodeMetrics& e) { return e.milestone_m[2]; }},
     {"t99_m", [](const EpisodeMetrics& e) { return e.milestone_m[3]; }},
 }};
+
+// What has a value at every moment of an episode.
+constexpr auto kMeasuresOfThePast = {
+    &EpisodeMetrics::rer,        &EpisodeMetrics::steps,      &EpisodeMetrics::makespan,
+    &EpisodeMetrics::overlap,    &EpisodeMetrics::coverage,   &EpisodeMetrics::distance_m,
+    &EpisodeMetrics::sim_time_s, &EpisodeMetrics::collisions, &EpisodeMetrics::bandwidth_paper_mib};
 
 double ratio(double a, double b) { return b > 0 ? a / b : 0; }
 
@@ -66,19 +72,9 @@ EpisodeMetrics measured(const ExplorationEnvironment& env, std::span<const std::
   const double rectangle_pixels =
       static_cast<double>(totals.visit_mbr_cells + totals.obstacle_mbr_cells) * pixels_per_cell;
   m.bandwidth_paper_mib =
-      (static_cast<double>(m.steps) * (state_bytes + 2 * kPoseBytes) + rectangle_pixels) /
-      (1024.0 * 1024.0);
+      (m.steps * (state_bytes + 2 * kPoseBytes) + rectangle_pixels) / (1024.0 * 1024.0);
   return m;
 }
-
-namespace {
-
-constexpr auto kMeasuresOfThePast = {
-    &EpisodeMetrics::rer,        &EpisodeMetrics::steps,      &EpisodeMetrics::makespan,
-    &EpisodeMetrics::overlap,    &EpisodeMetrics::coverage,   &EpisodeMetrics::distance_m,
-    &EpisodeMetrics::sim_time_s, &EpisodeMetrics::collisions, &EpisodeMetrics::bandwidth_paper_mib};
-
-}  // namespace
 
 void MeasuresOfEveryPlace::add(const EpisodeMetrics& now, int places) {
   for (const auto measure : kMeasuresOfThePast) sum_.*measure += now.*measure * places;

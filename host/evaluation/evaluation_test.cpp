@@ -104,7 +104,7 @@ TEST(Evaluator, CountsTheBytesOfARealLinkBothWays) {
     double bytes = 0, actions = 0;
     for (const EpisodeMetrics& episode : evaluate(request).episodes) {
       bytes += *episode.wire_bytes;
-      actions += static_cast<double>(episode.steps);
+      actions += episode.steps;
     }
     return bytes / actions;
   };

@@ -361,13 +361,18 @@ bool MapServer::joined_before(const Robot& a, const Robot& b) {
          std::pair(b.record.first_seen_us, b.record.robot);
 }
 
-// Whose cells a robot is not told: its own. Of two with rough starts the one that joined later is
-// to correct itself by the other, and not the other way round.
+// Of two robots with rough starts the one that joined later is to correct itself by the other, and
+// not the other way round: the first is told nothing of it.
+bool MapServer::is_kept_from(const Robot& robot, const Robot& other) {
+  return robot.rough && other.was_rough && joined_before(robot, other);
+}
+
+// Whose cells a robot is not told: its own, and what is kept from it.
 std::vector<std::uint16_t> MapServer::untold(const Robot& robot) const {
   std::vector<std::uint16_t> robots{robot.record.robot};
   if (!robot.rough) return robots;
   for (const auto& [id, other] : robots_) {
-    if (other.was_rough && joined_before(robot, other)) robots.push_back(id);
+    if (is_kept_from(robot, other)) robots.push_back(id);
   }
   return robots;
 }
@@ -635,7 +640,7 @@ void MapServer::tell_others() {
     for (const auto& [key, changed] : changes) bounds = bounds.united(changed);
     for (const auto& [window, robot] : windows) {
       if (bounds.intersection(window).empty() || robot->record.robot == from) continue;
-      if (robot->rough && std::ranges::count(untold(*robot), from) != 0) continue;
+      if (is_kept_from(*robot, robots_.at(from))) continue;
       for (const auto& [key, changed] : changes) robot->downlink.mark(key, changed);
     }
   }

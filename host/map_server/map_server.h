@@ -172,6 +172,7 @@ class MapServer {
   void take_frame(Robot& robot, const Hello& hello, TimeUs now_us);
   void set_rough(Robot& robot, bool rough);
   static bool joined_before(const Robot& a, const Robot& b);
+  static bool is_kept_from(const Robot& robot, const Robot& other);
   std::vector<std::uint16_t> untold(const Robot& robot) const;
   void keep_apart(Robot& robot, TimeUs now_us);
   void end_apart(Robot& robot);

@@ -18,7 +18,8 @@ class FloatQFunction final : public QFunction {
   // Throws std::invalid_argument when the network is malformed, or not for the two-channel state
   // and there is no encoder.
   explicit FloatQFunction(const FloatNetwork& network, Encoder encoder = {});
-  // Values are scaled so that the largest one in size is 2^30. kInvalidArgument: wrong size.
+  // Values are scaled so that the largest one in size, or 1 where none is larger, is 2^30.
+  // kInvalidArgument: wrong size.
   Status evaluate(const LocalState& state, std::span<std::int32_t> q_values) override;
   std::int32_t unit() const override { return unit_; }
 
