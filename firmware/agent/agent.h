@@ -80,8 +80,10 @@ class Agent {
         std::span<SurfaceMap::Entry> surfaces);
 
   // Loads the policy; `model` must outlive the agent. Without one the agent explores the nearest
-  // frontier.
-  ModelStatus load_model(std::span<const std::uint8_t> model) { return network_.load(model); }
+  // frontier. A model for another state than i-VFM and path is refused.
+  ModelStatus load_model(std::span<const std::uint8_t> model) {
+    return network_.load_for_robot(model);
+  }
 
   // Everything that is due at `now_us`. Call every 10 ms or so, also when nothing happens.
   void step(TimeUs now_us);

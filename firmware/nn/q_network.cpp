@@ -25,6 +25,14 @@ ModelStatus QNetwork::load(std::span<const std::uint8_t> file) {
   return status;
 }
 
+ModelStatus QNetwork::load_for_robot(std::span<const std::uint8_t> file) {
+  const ModelStatus status = load(file);
+  if (!ok(status.status) || model_.state_kind == StateKind::kIvfm) return status;
+  has_model_ = false;
+  return {Status::kUnsupported,
+          "its state is not i-VFM and path, which robots have (run.state = ivfm in training)"};
+}
+
 std::span<const std::int32_t> QNetwork::run(std::span<const std::uint16_t> state) {
   if (!has_model_ || state.size() != std::size_t{model_.input_channels} * kPolicyGridSize)
     return {};

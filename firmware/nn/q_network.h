@@ -20,6 +20,8 @@ class QNetwork final : public QFunction {
   // Takes over `file`, which must outlive the network or the next load(). Codes as load_model();
   // after a failure there is no model.
   ModelStatus load(std::span<const std::uint8_t> file);
+  // The same for the state that robots encode, LocalState: a model for another is kUnsupported.
+  ModelStatus load_for_robot(std::span<const std::uint8_t> file);
   bool has_model() const { return has_model_; }
   // Requires has_model().
   const ModelView& model() const { return model_; }

@@ -196,5 +196,20 @@ TEST(QNetwork, ForgetsAModelThatFailsToLoad) {
   EXPECT_TRUE(network->run(state).empty());
 }
 
+TEST(QNetwork, RefusesOnARobotWhatIsForAnotherState) {
+  const auto network = std::make_unique<QNetwork>();
+  const std::vector<std::uint8_t> good = TestModel().bytes();
+  EXPECT_EQ(network->load_for_robot(good).status, Status::kOk);
+  EXPECT_TRUE(network->has_model());
+  TestModel vfm;
+  vfm.state_kind = static_cast<std::uint8_t>(StateKind::kVfm);
+  vfm.input_channels = vfm.tensors[0].channels = 4;
+  vfm.inputs.resize(4, {0, 1, 1});
+  const std::vector<std::uint8_t> file = vfm.bytes();
+  ASSERT_EQ(network->load(file).status, Status::kOk) << "the evaluator takes it";
+  EXPECT_EQ(network->load_for_robot(file).status, Status::kUnsupported);
+  EXPECT_FALSE(network->has_model());
+}
+
 }  // namespace
 }  // namespace ivfm

@@ -48,7 +48,7 @@ LocalView::LocalView(const std::filesystem::path& model, double visit_range_m)
   if (model.empty()) return;
   std::ifstream file(model, std::ios::binary);
   policy_->bytes.assign(std::istreambuf_iterator<char>(file), {});
-  const ModelStatus loaded = policy_->network.emplace().load(policy_->bytes);
+  const ModelStatus loaded = policy_->network.emplace().load_for_robot(policy_->bytes);
   if (!file || !ok(loaded.status)) {
     throw std::runtime_error("cannot use the model " + model.string() + ": " +
                              (file ? loaded.reason : "it cannot be read"));

@@ -65,7 +65,7 @@ std::unique_ptr<LoadedModel> load_model_file(const fs::path& path) {
   if (!file) throw std::runtime_error("cannot open the model " + path.string());
   auto model = std::make_unique<LoadedModel>();
   model->bytes.assign(std::istreambuf_iterator<char>(file), {});
-  const ModelStatus status = model->network.load(model->bytes);
+  const ModelStatus status = model->network.load_for_robot(model->bytes);
   if (!ok(status.status)) {
     throw std::runtime_error(path.string() + " is no usable model: " + status.reason);
   }
