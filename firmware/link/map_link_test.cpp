@@ -371,15 +371,19 @@ TEST_F(MapLinkTest, InANewFrameNothingButHellosLeavesUntilTheServerKnows) {
   EXPECT_TRUE(link_.all_acknowledged());
 }
 
-class ApartLinkTest : public MapLinkTest {
+// The robot says `kWhat` of its start.
+template <bool MapLinkConfig::*kWhat>
+class UnsureLinkTest : public MapLinkTest {
  protected:
-  ApartLinkTest() : MapLinkTest(apart()) {}
-  static MapLinkConfig apart() {
-    MapLinkConfig apart = config();
-    apart.apart = true;
-    return apart;
+  UnsureLinkTest() : MapLinkTest(unsure()) {}
+  static MapLinkConfig unsure() {
+    MapLinkConfig unsure = config();
+    unsure.*kWhat = true;
+    return unsure;
   }
 };
+using ApartLinkTest = UnsureLinkTest<&MapLinkConfig::apart>;
+using RoughLinkTest = UnsureLinkTest<&MapLinkConfig::rough>;
 
 TEST_F(ApartLinkTest, ARobotThatDoesNotKnowWhereItIsSaysSoBeforeAllElseAndMovesOnceItIsTold) {
   visit({0, 0, 5, 5});
@@ -406,16 +410,6 @@ TEST_F(ApartLinkTest, ARobotThatDoesNotKnowWhereItIsSaysSoBeforeAllElseAndMovesO
   run(kSecond);
   EXPECT_FALSE(link_.take_frame().has_value()) << "it is part of the team";
 }
-
-class RoughLinkTest : public MapLinkTest {
- protected:
-  RoughLinkTest() : MapLinkTest(rough()) {}
-  static MapLinkConfig rough() {
-    MapLinkConfig rough = config();
-    rough.rough = true;
-    return rough;
-  }
-};
 
 TEST_F(RoughLinkTest, ARobotWithARoughStartSaysSoUntilItIsToldThatItsFrameHolds) {
   run(2 * kSecond);

@@ -206,7 +206,7 @@ TEST(QNetwork, RefusesOnARobotWhatIsForAnotherState) {
   vfm.input_channels = vfm.tensors[0].channels = 4;
   vfm.inputs.resize(4, {0, 1, 1});
   const std::vector<std::uint8_t> file = vfm.bytes();
-  ASSERT_EQ(network->load(file).status, Status::kOk) << "the evaluator takes it";
+  ASSERT_EQ(network->load(file).status, Status::kOk) << "ivfm-train compare takes it";
   EXPECT_EQ(network->load_for_robot(file).status, Status::kUnsupported);
   EXPECT_FALSE(network->has_model());
 }

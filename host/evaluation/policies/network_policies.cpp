@@ -20,15 +20,12 @@ std::vector<std::uint8_t> read_file(const std::filesystem::path& path) {
 
 QNetworkPolicy::QNetworkPolicy(const std::filesystem::path& model)
     : file_(read_file(model)), network_(std::make_unique<QNetwork>()) {
-  const ModelStatus status = network_->load(file_);
-  if (!ok(status.status)) {
-    throw std::runtime_error("the model " + model.string() + " cannot be used: " + status.reason);
-  }
-  if (network_->model().state_kind != StateKind::kIvfm) {
-    throw std::runtime_error("the model " + model.string() +
-                             " is for another state than the robot's i-VFM and path; its float "
-                             "network can be judged with --policy qnet-float");
-  }
+  const ModelStatus status = network_->load_for_robot(file_);
+  if (ok(status.status)) return;
+  const bool may_be_float = status.status == Status::kUnsupported;
+  throw std::runtime_error(
+      "the model " + model.string() + " cannot be used: " + status.reason +
+      (may_be_float ? "; a float network is judged with --policy qnet-float" : ""));
 }
 
 StepResult QNetworkPolicy::act(ExplorationEnvironment& env, int agent) {
