@@ -10,10 +10,24 @@ namespace ivfm {
 namespace {
 
 constexpr double kRadiansPerUnit = 6.283185307179586 / 65536;
-constexpr double kStill = 0.0003;        // metres a revolution that are never known
-constexpr double kStillTurn = 0.0005;    // radians
-constexpr std::uint8_t kLostAfter = 4;   // revolutions in a row that contradict the map
-constexpr std::uint8_t kTrustAfter = 2;  // that fit again before the map is painted on
+constexpr double kStill = 0.0003;      // metres a revolution that are never known
+constexpr double kStillTurn = 0.0005;  // radians
+// Doubt, in 16ths of revolutions that have to fit before the map is painted on. What contradicts
+// the map adds to it, what fits it only half, too; the robot is lost when it reaches kLostDoubt.
+// Where nothing can be judged it wears off slowly: in the open, or before walls that were only ever
+// seen from their other side, no revolution will ever fit.
+constexpr std::int32_t kContradictionDoubt = 48;
+constexpr std::int32_t kHalfFitDoubt = 16;
+constexpr std::int32_t kFitCertainty = 16;
+constexpr std::int32_t kUnjudgedCertainty = 1;
+constexpr std::int32_t kLostDoubt = 192;
+constexpr std::int32_t kFoundDoubt = 96;     // who has just found its place may be mistaken
+constexpr std::uint16_t kLeastEvidence = 4;  // samples to judge by, be they too few to match
+// What fits only half: less than a right pose explains in a right map, and so many percent less
+// than of late. Bad sensors in wide places fit worse all the time.
+constexpr std::int32_t kSuddenlyLess = 15;
+constexpr std::int32_t kFitUnit = 256;   // of a percent
+constexpr std::int32_t kFitMemory = 16;  // revolutions
 constexpr std::uint16_t kManyNear = 30;
 // Odometry that errs more than it should: a match this far from the prediction, in squared standard
 // deviations of three numbers, is a surprise. Each makes its variances larger, each match without
@@ -36,7 +50,8 @@ void Localization::reset(const Pose& pose) {
   correction_ = {};
   match_ = {};
   matched_ = pose;
-  poor_in_a_row_ = distrust_ = 0;
+  doubt_ = 0;
+  usual_fit_ = kFitUnit * 100;
   lost_ = has_matched_ = false;
   covariance_ = kStartCovariance;
   mistrust_ = 1;
@@ -102,8 +117,10 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
   }
   const Pose predicted = to_map(in_odometry);
   match_ = matcher_.match(map, surfaces_, predicted, covariance_, scan);
-  // Where a robot has been its surroundings are known: a place near which nothing is, is elsewhere.
-  if (match_.outcome == MatchOutcome::kUnknownPlace && has_matched_ && match_.near >= kManyNear) {
+  // Where a robot has been its surroundings are known: a place near which nothing
+  // is, is elsewhere.
+  if (match_.outcome == MatchOutcome::kUnknownPlace && has_matched_ &&
+      match_.near >= kManyNear + match_.on_backs) {
     match_.outcome = MatchOutcome::kPoorFit;
   }
   // Who has not matched once since the start knows nothing but where it was told to be: a map from
@@ -129,20 +146,38 @@ void Localization::judge_odometry(const Vector3& off) {
 }
 
 void Localization::judge(MatchOutcome outcome, const ExplorationMap& map) {
-  if (outcome != MatchOutcome::kPoorFit) {
-    ++(outcome == MatchOutcome::kMatched ? counters_.matched : counters_.undecided);
-    poor_in_a_row_ = 0;
-    if (distrust_ > 0 && outcome == MatchOutcome::kMatched) --distrust_;
-    return;
+  switch (outcome) {
+    case MatchOutcome::kMatched: ++counters_.matched; break;
+    case MatchOutcome::kPoorFit: ++counters_.poor; break;
+    default: ++counters_.undecided;
   }
-  ++counters_.poor;
-  covariance_ = covariance_ * kContradictionGrowth;
-  distrust_ = std::max(distrust_, kTrustAfter);
-  if (++poor_in_a_row_ < kLostAfter) return;
-  poor_in_a_row_ = 0;
+  weigh_doubt(outcome);
+  if (doubt_ < kLostDoubt) return;
   lost_ = true;
   ++counters_.lost;
   relocation_.begin(map);
+}
+
+void Localization::weigh_doubt(MatchOutcome outcome) {
+  const auto change = [this](std::int32_t by) {
+    doubt_ = static_cast<std::uint8_t>(std::max<std::int32_t>(0, doubt_ + by));
+  };
+  if (outcome == MatchOutcome::kPoorFit) {
+    covariance_ = covariance_ * kContradictionGrowth;
+    change(match_.explained_elsewhere ? kHalfFitDoubt : kContradictionDoubt);
+    return;
+  }
+  if (!has_matched_ || match_.judged < kLeastEvidence) {
+    change(-kUnjudgedCertainty);
+    return;
+  }
+  const std::int32_t fit = kFitUnit * 100 * match_.fitting / match_.judged;
+  if (!match_.explains(kGoodFitPercent) && fit < usual_fit_ - kFitUnit * kSuddenlyLess) {
+    change(kHalfFitDoubt);
+  } else {
+    change(-kFitCertainty);
+  }
+  if (outcome == MatchOutcome::kMatched) usual_fit_ += (fit - usual_fit_) / kFitMemory;
 }
 
 void Localization::relocate(const ExplorationMap& map, const Scan& scan) {
@@ -150,6 +185,8 @@ void Localization::relocate(const ExplorationMap& map, const Scan& scan) {
   if (result == Relocation::Result::kNotFound) ++counters_.searches;
   if (result != Relocation::Result::kFound) return;
   lost_ = false;
+  doubt_ = kFoundDoubt;
+  usual_fit_ = kFitUnit * 100;
   match_ = relocation_.match();
   covariance_ = match_.covariance;
   put_at(match_.pose, matched_);

@@ -69,9 +69,9 @@ class Localization {
   MatchOutcome correct(const ExplorationMap& map, const Scan& scan, TimeUs measured_us);
 
   // The last revolution fitted the map, or the place is new: it may be painted. Not true from the
-  // first revolution on that contradicts the map until some have fitted again.
-  bool trusted() const { return distrust_ == 0; }
-  // Several revolutions in a row contradicted the map: stand still, correct() searches the map.
+  // first revolution on that contradicts the map until others have fitted well.
+  bool trusted() const { return doubt_ == 0; }
+  // Too much contradicted the map: stand still, correct() searches it.
   bool lost() const { return lost_; }
 
   // After that: remembers where the surfaces are. Requires ready().
@@ -90,6 +90,7 @@ class Localization {
   void predict(const Pose& in_odometry);
   void judge_odometry(const Vector3& off);
   void judge(MatchOutcome outcome, const ExplorationMap& map);
+  void weigh_doubt(MatchOutcome outcome);
   void relocate(const ExplorationMap& map, const Scan& scan);
   void put_at(const Pose& pose, const Pose& in_odometry);
   // T_map_odom applied.
@@ -102,13 +103,13 @@ class Localization {
   ScanMatcher matcher_;
   ScanMatch match_;
   Relocation relocation_;
-  Pose correction_;           // T_map_odom
-  std::uint16_t turned_ = 0;  // during the revolution
-  Pose matched_;              // in the odometry's frame, at the last revolution
-  Symmetric3 covariance_{};   // of the pose in the map then: metres and radians
-  double mistrust_ = 1;       // factor of the odometry's variances
-  std::uint8_t poor_in_a_row_ = 0;
-  std::uint8_t distrust_ = 0;  // so many revolutions have to fit
+  Pose correction_;             // T_map_odom
+  std::uint16_t turned_ = 0;    // during the revolution
+  Pose matched_;                // in the odometry's frame, at the last revolution
+  Symmetric3 covariance_{};     // of the pose in the map then: metres and radians
+  double mistrust_ = 1;         // factor of the odometry's variances
+  std::int32_t usual_fit_ = 0;  // of the last revolutions, in 256ths of a percent
+  std::uint8_t doubt_ = 0;      // so many 16ths of revolutions have to fit
   bool lost_ = false;
   bool has_matched_ = false;  // in this map frame
   LocalizationCounters counters_;

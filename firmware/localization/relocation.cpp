@@ -21,7 +21,7 @@ void Relocation::begin(const ExplorationMap& map) {
   candidates_ = {};
   judged_ = 0;
   best_ = {};
-  second_fitting_ = 0;
+  second_ = 0;
 }
 
 Relocation::Result Relocation::step(const ExplorationMap& map, const SurfaceMap& surfaces,
@@ -42,8 +42,9 @@ Relocation::Result Relocation::step(const ExplorationMap& map, const SurfaceMap&
   return Result::kSearching;
 }
 
-// How many samples lie near obstacles, for each heading. A sample is as many cells away from one
-// place as from another, so each is turned only once a heading.
+// How many samples lie near obstacles, less those that lie where nothing stands, for each heading.
+// A sample is as many cells away from one place as from another, so each is turned only once a
+// heading.
 void Relocation::try_places(const ExplorationMap& map, const ScanSurfaces& scan,
                             std::span<const Cell> places) {
   const GridFrame& frame = map.frame();
@@ -62,7 +63,13 @@ void Relocation::try_places(const ExplorationMap& map, const ScanSurfaces& scan,
       Candidate candidate{{frame.center_of(place), heading}, 0};
       for (const Cell offset : std::span(offsets).first(count)) {
         const Cell c{place.x + offset.x, place.y + offset.y};
-        if (frame.contains(c) && map.layers().inflation[frame.index_of(c)] != 0) ++candidate.score;
+        if (!frame.contains(c)) continue;
+        const std::size_t at = frame.index_of(c);
+        if (map.layers().inflation[at] != 0) {
+          ++candidate.score;
+        } else if (map.layers().occupancy[at] < 0) {
+          --candidate.score;
+        }
       }
       keep(candidate);
     }
@@ -73,7 +80,7 @@ void Relocation::try_places(const ExplorationMap& map, const ScanSurfaces& scan,
 void Relocation::keep(const Candidate& candidate) {
   Candidate* worst = &candidates_[0];
   for (Candidate& kept : candidates_) {
-    if (kept.score >= 0 && is_near(kept.pose, candidate.pose, kSamePlaceUm, kSameTurn)) {
+    if (kept.score > 0 && is_near(kept.pose, candidate.pose, kSamePlaceUm, kSameTurn)) {
       if (candidate.score > kept.score) kept = candidate;
       return;
     }
@@ -87,25 +94,34 @@ Relocation::Result Relocation::judge(const ExplorationMap& map, const SurfaceMap
                                      ScanMatcher& matcher, const Scan& scan) {
   if (judged_ < kCandidates) {
     const Candidate& candidate = candidates_[judged_++];
-    if (candidate.score < 0) return Result::kSearching;
-    const ScanMatch match = matcher.locate(map, surfaces, candidate.pose, scan);
-    if (match.outcome != MatchOutcome::kMatched) return Result::kSearching;
-    if (best_.outcome == MatchOutcome::kMatched &&
-        is_near(match.pose, best_.pose, kSamePlaceUm, kSameTurn)) {
-      if (match.fitting > best_.fitting) best_ = match;
-    } else if (match.fitting > best_.fitting) {
-      second_fitting_ = best_.fitting;
-      best_ = match;
-    } else {
-      second_fitting_ = std::max(second_fitting_, match.fitting);
-    }
+    if (candidate.score == 0) return Result::kSearching;
+    note(matcher.locate(map, surfaces, candidate.pose, scan));
     return Result::kSearching;
   }
-  const bool found =
-      best_.outcome == MatchOutcome::kMatched && second_fitting_ * 100 < best_.fitting * 90;
-  if (found) return Result::kFound;
+  if (best_.outcome == MatchOutcome::kMatched && second_ * 100 < support(best_) * 90) {
+    return Result::kFound;
+  }
   begin(map);
   return Result::kNotFound;
+}
+
+// A place that is not known well enough to be taken may still be the right one.
+void Relocation::note(const ScanMatch& match) {
+  if (support(match) <= support(best_)) {
+    if (!is_same_place(match, best_)) second_ = std::max(second_, support(match));
+    return;
+  }
+  if (!is_same_place(match, best_)) second_ = std::max(second_, support(best_));
+  best_ = match;
+}
+
+bool Relocation::is_same_place(const ScanMatch& a, const ScanMatch& b) {
+  return is_near(a.pose, b.pose, kSamePlaceUm, kSameTurn);
+}
+
+// Samples that speak for a place, less those that speak against it.
+std::int32_t Relocation::support(const ScanMatch& match) {
+  return 2 * match.fitting - match.judged + match.on_backs;
 }
 
 }  // namespace ivfm

@@ -30,10 +30,10 @@ class Relocation {
   const ScanMatch& match() const { return best_; }
 
  private:
-  static constexpr std::size_t kCandidates = 8;
+  static constexpr std::size_t kCandidates = 16;
   struct Candidate {
     Pose pose;
-    std::int32_t score = -1;
+    std::int32_t score = 0;
   };
 
   void try_places(const ExplorationMap& map, const ScanSurfaces& scan,
@@ -42,12 +42,16 @@ class Relocation {
   Result judge(const ExplorationMap& map, const SurfaceMap& surfaces, ScanMatcher& matcher,
                const Scan& scan);
 
+  void note(const ScanMatch& match);
+  static bool is_same_place(const ScanMatch& a, const ScanMatch& b);
+  static std::int32_t support(const ScanMatch& match);
+
   CellRect region_;
   Cell next_;  // place to try
   std::array<Candidate, kCandidates> candidates_{};
   std::size_t judged_ = 0;  // of the candidates
   ScanMatch best_;
-  std::uint16_t second_fitting_ = 0;  // of the best match at another place
+  std::int32_t second_ = 0;  // support of the best match at another place
 };
 
 }  // namespace ivfm

@@ -8,15 +8,15 @@ namespace ivfm {
 
 namespace {
 
-constexpr std::int32_t kGoodFitPercent = 75;  // no search needed
-constexpr std::int32_t kFitUm = 50'000;       // a sample this near to a surface fits
-constexpr std::int32_t kSearchTurn = 182;     // binary angle units: a degree
+constexpr std::int32_t kFitUm = 50'000;    // a sample this near to a surface fits
+constexpr std::int32_t kSearchTurn = 182;  // binary angle units: a degree
 constexpr double kRadiansPerUnit = 6.283185307179586 / 65536;
 // A sample's distance at weight 256 is known to 1 cm.
 constexpr double kInformationPerSample = 1 / (0.01 * 0.01);
-constexpr double kReachSquares = 9;          // squared standard deviations
-constexpr std::uint16_t kNearWeight = 79;    // 3 m
-constexpr std::int32_t kMaxSearchCells = 4;  // along each axis, in steps
+constexpr std::int32_t kLocatedPercent = 90;  // of the samples must fit where a lost robot is
+constexpr double kReachSquares = 9;           // squared standard deviations
+constexpr std::uint16_t kNearWeight = 79;     // 3 m
+constexpr std::int32_t kMaxSearchCells = 4;   // along each axis, in steps
 constexpr std::int32_t kMaxStride = 3;
 
 std::int32_t rounded(double value) {
@@ -57,15 +57,22 @@ ScanMatch ScanMatcher::match(const ExplorationMap& map, const SurfaceMap& surfac
   if (scan_surfaces_.samples().size() < config_.min_samples) return nothing;
   const Symmetric3 information = covariance.inverse();
   ScanMatch best = refine(predicted, predicted, information);
-  if (best.judged < config_.min_judged) {
+  // A few that fit well correct a heading, but do not contradict.
+  const bool few_fit = best.judged >= config_.few_judged && best.explains(kGoodFitPercent) &&
+                       in_reach(best, predicted, information);
+  if (best.judged < config_.min_judged && !few_fit) {
+    nothing.judged = best.judged;
+    nothing.fitting = best.fitting;
+    nothing.on_backs = best.on_backs;
     nothing.outcome = MatchOutcome::kUnknownPlace;
     return nothing;
   }
-  if (!explains(best, kGoodFitPercent)) {
+  if (!best.explains(kGoodFitPercent)) {
     const ScanMatch other = refine(search(predicted, covariance), predicted, information);
     if (other.fitting > best.fitting) best = other;
   }
-  if (!in_reach(best, predicted, information) || !explains(best, config_.min_fit_percent)) {
+  if (!in_reach(best, predicted, information) || !best.explains(config_.min_fit_percent)) {
+    nothing.explained_elsewhere = best.explains(kGoodFitPercent);
     nothing.judged = best.judged;
     nothing.fitting = best.fitting;
     nothing.outcome = MatchOutcome::kPoorFit;
@@ -85,8 +92,9 @@ ScanMatch ScanMatcher::locate(const ExplorationMap& map, const SurfaceMap& surfa
   ScanMatch found = refine(start, start, kAnywhereNear.inverse());
   std::size_t flat = 0;
   for (const SurfaceSample& sample : scan_surfaces_.samples()) flat += sample.is_flat() ? 1 : 0;
-  const bool good = flat >= config_.min_samples && found.judged * 3u >= flat * 2 &&
-                    explains(found, kGoodFitPercent);
+  const bool good = found.judged >= config_.min_samples &&
+                    (found.judged + found.on_backs) * 3u >= flat * 2 &&
+                    found.explains(kLocatedPercent);
   found.outcome = good ? MatchOutcome::kMatched : MatchOutcome::kPoorFit;
   return found;
 }
@@ -103,6 +111,7 @@ ScanMatch ScanMatcher::refine(Pose start, const Pose& predicted,
     found.covariance = (information + seen.information).inverse();
     found.judged = seen.judged;
     found.fitting = seen.fitting;
+    found.on_backs = seen.on_backs;
     const Pose next = moved(found.pose, found.covariance * Vector3{pull[0] + seen.gradient[0],
                                                                    pull[1] + seen.gradient[1],
                                                                    pull[2] + seen.gradient[2]});
@@ -133,10 +142,12 @@ ScanMatcher::Evidence ScanMatcher::weigh(const Pose& pose, std::int32_t kernel_u
     const SurfaceMap::Distance found = surfaces_->distance(*map_, p, nx, ny, facing);
     const bool fits = found.weight > 0 && std::abs(found.um) <= kFitUm;
     const Cell cell = frame.cell_at(p);
-    const bool known = frame.contains(cell) &&
+    const bool on_back = found.weight == 0 && found.beside_obstacle;
+    const bool known = !on_back && frame.contains(cell) &&
                        map_->layers().occupancy[frame.index_of(cell)] != occupancy::kUnknown;
     sum.fitting = static_cast<std::uint16_t>(sum.fitting + (fits ? 1 : 0));
     sum.judged = static_cast<std::uint16_t>(sum.judged + (fits || known ? 1 : 0));
+    sum.on_backs = static_cast<std::uint16_t>(sum.on_backs + (on_back ? 1 : 0));
     if (found.weight == 0) continue;
     const std::int64_t distance2 = std::int64_t{found.um} * found.um;
     // Cauchy's kernel; a place seen only once or twice is not well known.
@@ -176,7 +187,7 @@ bool ScanMatcher::in_reach(const ScanMatch& match, const Pose& predicted,
     return true;
   }
   const Vector3 off = difference(pose, predicted);
-  return explains(match, kGoodFitPercent) && dot(off, information * off) <= kReachSquares;
+  return match.explains(kGoodFitPercent) && dot(off, information * off) <= kReachSquares;
 }
 
 // Coarse to fine: a prediction that may be off farther than the reach is searched in wider steps

@@ -21,13 +21,14 @@ struct MatcherConfig {
   std::uint16_t search_angle = 1456;   // and in heading, binary angle units (8 degrees)
   std::uint16_t min_samples = 20;      // fewer say nothing
   std::uint16_t min_judged = 15;       // so many of them must lie where the map is known
+  std::uint16_t few_judged = 6;        // or so many, if they fit well
   std::uint16_t min_fit_percent = 50;  // share of these that must lie on surfaces of the map
 };
 
 enum class MatchOutcome : std::uint8_t {
   kMatched,
   kTooFewPoints,  // the scan holds too little
-  kUnknownPlace,  // the map holds too little where the scan's points lie
+  kUnknownPlace,  // the map holds too little where the scan's points lie to tell a pose by
   kPoorFit,       // no pose in reach explains the scan
 };
 
@@ -35,10 +36,19 @@ struct ScanMatch {
   MatchOutcome outcome = MatchOutcome::kTooFewPoints;
   Pose pose;                  // the most likely one; the prediction unless kMatched
   Symmetric3 covariance;      // of the pose: metres and radians
-  std::uint16_t judged = 0;   // samples in known parts of the map
+  std::uint16_t judged = 0;   // samples in known parts of the map, at that pose
   std::uint16_t fitting = 0;  // of these, on surfaces
-  std::uint16_t near = 0;     // samples within 3 m: places that a robot has mapped when it is there
+  // kPoorFit: but a pose farther off than the prediction allows does.
+  bool explained_elsewhere = false;
+  // Not judged: on obstacles that have not been seen from this side.
+  std::uint16_t on_backs = 0;
+  std::uint16_t near = 0;  // samples within 3 m: places that a robot has mapped when it is there
+
+  bool explains(std::int32_t percent) const { return fitting * 100 >= judged * percent; }
 };
+
+// A pose that is right explains more than this of a scan, in percent, in a map that is.
+inline constexpr std::int32_t kGoodFitPercent = 75;
 
 // From `to` to `from`, in metres and radians.
 Vector3 difference(const Pose& from, const Pose& to);
@@ -78,6 +88,7 @@ class ScanMatcher {
     Vector3 gradient{};
     std::uint16_t judged = 0;
     std::uint16_t fitting = 0;
+    std::uint16_t on_backs = 0;
   };
   Evidence weigh(const Pose& pose, std::int32_t kernel_um) const;
   ScanMatch refine(Pose start, const Pose& predicted, const Symmetric3& information) const;
@@ -86,9 +97,6 @@ class ScanMatcher {
   void count_hits(Cell cell, std::int32_t reach, std::int32_t stride,
                   std::span<std::uint8_t> hits) const;
   bool in_reach(const ScanMatch& match, const Pose& predicted, const Symmetric3& information) const;
-  bool explains(const ScanMatch& match, std::int32_t percent) const {
-    return match.fitting * 100 >= match.judged * percent;
-  }
 
   MatcherConfig config_;
   ScanSurfaces scan_surfaces_;

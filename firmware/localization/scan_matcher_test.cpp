@@ -129,6 +129,8 @@ TEST_F(ScanMatcherTest, AThinWallIsNotTakenForItsOtherSide) {
   const Pose beyond{{0, 2'000'000}, BinaryAngle()};
   const ScanMatch found = match(beyond, scan_from(above, beyond));
   EXPECT_NEAR(found.pose.position.y_um, beyond.position.y_um, 2'000);
+  EXPECT_EQ(found.outcome, MatchOutcome::kUnknownPlace) << "and contradicts nothing";
+  EXPECT_GT(found.on_backs, 20);
 }
 
 TEST_F(ScanMatcherTest, AThirdOfWrongPointsDoesNotMislead) {
@@ -157,6 +159,18 @@ TEST_F(ScanMatcherTest, AnUnsurePredictionIsSearchedAsFarAsItMayBeOff) {
   const ScanMatch found = match(far_off, scan, kDoubt * 16);  // 40 cm, 12 degrees
   ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
   expect_found(found.pose, truth);
+}
+
+// In the open, where little of the scan lies on what the map holds.
+TEST_F(ScanMatcherTest, AFewWellFittingSamplesCorrectTheHeading) {
+  const std::vector<Wall> post{{3, -0.35, 3, 0.35}};
+  const std::vector<Wall> post_and_new{{3, -0.35, 3, 0.35}, {-7, -3, -7, 3}};
+  const Pose truth{{0, 0}, BinaryAngle()};
+  draw(post, truth);
+  const ScanMatch found = match(shifted(truth, 0, 0, 2), scan_from(post_and_new, truth));
+  EXPECT_LT(found.judged, 15);
+  ASSERT_EQ(found.outcome, MatchOutcome::kMatched);
+  EXPECT_NEAR((found.pose.heading - truth.heading).degrees(), 0, 1);
 }
 
 TEST_F(ScanMatcherTest, AnEmptyMapOrAnEmptyScanDecidesNothing) {

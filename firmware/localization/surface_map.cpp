@@ -118,10 +118,13 @@ SurfaceMap::Distance SurfaceMap::distance(const ExplorationMap& map, Point p, st
   }
   std::int64_t sum = 0;
   std::int32_t weights = 0;
+  bool obstacle = false;
   for (std::int32_t y = middle.y - 1; y <= middle.y + 1; ++y) {
     const std::int8_t* row = &map.layers().occupancy[frame.index_of({middle.x - 1, y})];
     for (std::int32_t x = middle.x - 1; x <= middle.x + 1; ++x) {
-      if (*row++ < 0) continue;
+      const std::int8_t occupied = *row++;
+      if (occupied < 0) continue;
+      obstacle = obstacle || occupied > 0;
       const Entry* entry = find({x, y});
       if (entry == nullptr || !faces_alike(entry->facing, facing)) continue;
       const auto position = [&](std::int32_t cell, std::int32_t sub) {
@@ -133,8 +136,8 @@ SurfaceMap::Distance SurfaceMap::distance(const ExplorationMap& map, Point p, st
       weights += entry->weight;
     }
   }
-  if (weights == 0) return {};
-  return {static_cast<std::int32_t>(sum / weights), weights};
+  if (weights == 0) return {0, 0, obstacle};
+  return {static_cast<std::int32_t>(sum / weights), weights, obstacle};
 }
 
 }  // namespace ivfm

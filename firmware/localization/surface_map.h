@@ -29,7 +29,8 @@ class SurfaceMap {
   // The surface near a point, as seen by `normal`: the weighted mean of the distances along it.
   struct Distance {
     std::int32_t um = 0;
-    std::int32_t weight = 0;  // 0: there is none
+    std::int32_t weight = 0;       // 0: there is none
+    bool beside_obstacle = false;  // an obstacle is there, whichever way it faces
   };
 
   // `entries`: the memory, a power of two of at least kProbes, or none: nothing is ever remembered.

@@ -51,7 +51,8 @@ void RobotBody::roll(double left_m, double right_m, const World& world,
     if (slip_m_per_sqrt_m_ == 0 || rolled_m == 0) return rolled_m * scale;
     return rolled_m * scale + slip_m_per_sqrt_m_ * std::sqrt(std::abs(rolled_m)) * normal(random_);
   };
-  const double left = with_slip(left_m, left_scale_), right = with_slip(right_m, right_scale_);
+  const double left = left_grip_ * with_slip(left_m, left_scale_);
+  const double right = right_grip_ * with_slip(right_m, right_scale_);
   const double forward = (left + right) / 2;
   const double turn = (right - left) / shape_.wheel_base_m;
   // The exact arc: its chord points half the turn off the old heading.

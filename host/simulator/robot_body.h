@@ -57,6 +57,11 @@ class RobotBody {
   void roll_to(double left_counts, double right_counts, double metres_per_count, const World& world,
                std::span<const TruePose> others);
 
+  // Somebody lifts it up and puts it down there.
+  void carry_to(const TruePose& pose) { pose_ = pose; }
+  // From now on the wheels move the body by so much of what they roll: 1 on a floor that holds.
+  void set_grip(double left, double right) { left_grip_ = left, right_grip_ = right; }
+
   const TruePose& pose() const { return pose_; }
   const BodyShape& shape() const { return shape_; }
   double travelled_m() const { return travelled_m_; }  // distance the middle really moved
@@ -70,6 +75,8 @@ class RobotBody {
   TruePose pose_;
   double left_scale_ = 1;
   double right_scale_ = 1;
+  double left_grip_ = 1;
+  double right_grip_ = 1;
   double slip_m_per_sqrt_m_ = 0;
   double left_counts_ = 0, right_counts_ = 0;
   double travelled_m_ = 0;

@@ -103,7 +103,7 @@ class AgentInARoom : public testing::Test {
 
   explicit AgentInARoom(LocalizationChoice localization = LocalizationChoice::kOdometry,
                         bool rough_start = false) {
-    rplidar_.set_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
+    rplidar_.set_beam_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
     clock_.now = now_us_;
     serial_.set_now(now_us_);
     agent_ = std::make_unique<TestedAgent>(

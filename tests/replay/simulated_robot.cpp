@@ -47,7 +47,7 @@ SimulatedRobot::SimulatedRobot(const AgentConfig& config, const Pose& start,
       agent_(
           make_agent(profile, config,
                      AgentPorts{recorder_.serial(), recorder_.can(), recorder_.radio(), clock_})) {
-  rplidar_.set_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
+  rplidar_.set_beam_source([this](TimeUs, std::span<ScanPoint> beams) { measure(beams); });
 }
 
 void SimulatedRobot::enter(std::shared_ptr<const host::World> world) {

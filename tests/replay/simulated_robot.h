@@ -31,6 +31,10 @@ class SimulatedRobot {
   // Where other robots are from now on: its lidar sees them, and it drives into none of them.
   void meet(std::vector<host::TruePose> others) { others_ = std::move(others); }
 
+  // As RobotBody's.
+  void carry_to(const host::TruePose& pose) { body_.carry_to(pose); }
+  void set_grip(double left, double right) { body_.set_grip(left, right); }
+
   Agent& agent() { return *agent_; }
   const host::RobotBody& body() const { return body_; }
   const ReplayWriter& writer() const { return writer_; }
