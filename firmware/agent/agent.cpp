@@ -127,7 +127,10 @@ void Agent::align_start() {
   const auto samples = localization_.surfaces_in(scan_, map.frame().cell_um());
   switch (alignment_.step(map, samples, config_.start)) {
     case StartAlignment::Result::kSearching: break;
-    case StartAlignment::Result::kNotFound: start_pose_ = StartPose::kNotFound; break;
+    case StartAlignment::Result::kNotFound:
+      start_pose_ = StartPose::kNotFound;
+      alignment_.search_far();
+      break;
     case StartAlignment::Result::kFound:
       start_pose_ = StartPose::kCorrected;
       pose_ = compose(alignment_.correction(), config_.start);

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cstdlib>
 
 namespace ivfm {
 
 namespace {
 
-constexpr std::int32_t kDegree = 182;  // binary angle units
-constexpr std::int32_t kMostTurn = 16;
-constexpr std::int32_t kHeadingsPerStep = 2;
+constexpr std::int32_t kDegree = 182;    // binary angle units
 constexpr std::uint8_t kMostPasses = 4;  // of 17 revolutions
 constexpr std::size_t kMinSamples = 40;
 constexpr std::int32_t kMinPercent = 60;  // of the samples lie on obstacles
@@ -24,14 +23,14 @@ BinaryAngle turned(BinaryAngle heading, std::int32_t units) {
 }
 
 // Bit i: whether the others hold the cell i - reach columns from `middle` for an obstacle.
-std::uint32_t row_of(const ExplorationMap& map, Cell middle, std::int32_t reach) {
+std::uint64_t row_of(const ExplorationMap& map, Cell middle, std::int32_t reach) {
   const GridFrame& frame = map.frame();
-  std::uint32_t bits = 0;
+  std::uint64_t bits = 0;
   for (std::int32_t i = 0; i <= 2 * reach; ++i) {
     const Cell c{middle.x - reach + i, middle.y};
     if (!frame.contains(c)) continue;
     const bool obstacle = (map.layers().flags[frame.index_of(c)] & cell_flag::kPeerTold) != 0;
-    bits |= static_cast<std::uint32_t>(obstacle) << i;
+    bits |= static_cast<std::uint64_t>(obstacle) << i;
   }
   return bits;
 }
@@ -40,19 +39,26 @@ std::uint32_t row_of(const ExplorationMap& map, Cell middle, std::int32_t reach)
 
 void StartAlignment::begin(const Pose& start) {
   start_ = start;
-  turn_ = -kMostTurn;
+  far_ = false;
+  turn_ = -kNear.turns;
+  reach_ = kNear;
+  passes_ = 0;
+}
+
+void StartAlignment::search_far() {
+  far_ = true;
   passes_ = 0;
 }
 
 StartAlignment::Result StartAlignment::step(const ExplorationMap& map,
                                             std::span<const SurfaceSample> samples,
                                             const Pose& pose) {
-  if (turn_ == -kMostTurn) begin_pass(samples, pose);
-  for (std::int32_t i = 0; i < kHeadingsPerStep && turn_ <= kMostTurn; ++i, ++turn_) {
-    try_turn(map, turn_ * kDegree);
+  if (turn_ == -reach_.turns) begin_pass(samples, pose);
+  for (std::int32_t i = 0; i < reach_.headings_per_step && turn_ <= reach_.turns; ++i, ++turn_) {
+    try_turn(map, turn_);
   }
-  if (turn_ <= kMostTurn) return Result::kSearching;
-  turn_ = -kMostTurn;
+  if (turn_ <= reach_.turns) return Result::kSearching;
+  turn_ = -reach_.turns;
   if (is_clear()) {
     refine(map);
     return Result::kFound;
@@ -63,6 +69,8 @@ StartAlignment::Result StartAlignment::step(const ExplorationMap& map,
 
 void StartAlignment::begin_pass(std::span<const SurfaceSample> samples, const Pose& pose) {
   seen_from_ = pose;
+  reach_ = far_ ? kFar : kNear;
+  turn_ = -reach_.turns;
   size_ = std::min(samples.size(), points_.size());
   for (std::size_t i = 0; i < size_; ++i) {
     points_[i] = {static_cast<std::int16_t>(samples[i].x_um / 1000),
@@ -72,40 +80,58 @@ void StartAlignment::begin_pass(std::span<const SurfaceSample> samples, const Po
   second_ = {};
 }
 
-// Where the robot is if its start was turned by `units` and shifted: counts for each shift by whole
-// cells how many samples lie on or beside obstacles.
-void StartAlignment::try_turn(const ExplorationMap& map, std::int32_t units) {
-  const Pose turned_start{start_.position, turned(start_.heading, units)};
-  const Pose guess = compose(turned_start, relative_pose(start_, seen_from_));
-  std::array<std::uint8_t, kSide * kSide> hits{};
-  static_assert(ScanSurfaces::kMaxSamples <= 255 && kSide + 2 <= 32);
+// Where the robot is if its start was turned and shifted: counts for each shift by whole cells how
+// many samples lie on or beside obstacles.
+void StartAlignment::try_turn(const ExplorationMap& map, std::int32_t turn) {
+  const BinaryAngle heading = turned(start_.heading, turn * reach_.turn_degrees * kDegree);
+  const Pose guess = compose({start_.position, heading}, relative_pose(start_, seen_from_));
   const GridFrame& frame = map.frame();
-  for (const SeenPoint& point : points()) {
-    const Cell middle = frame.cell_at(transform(guess, point.x_mm * 1000, point.y_mm * 1000));
-    std::uint32_t below = 0, here = 0;  // rows, grown by a cell to both sides
-    for (std::int32_t y = -kReach - 1; y <= kReach + 1; ++y) {
-      const std::uint32_t row = row_of(map, {middle.x, middle.y + y}, kReach + 1);
-      const std::uint32_t above = row | row << 1 | row >> 1;
-      std::uint32_t near = y > -kReach ? ((below | here | above) >> 1) & ((1u << kSide) - 1) : 0;
-      for (; near != 0; near &= near - 1) {
-        const std::int32_t column = std::countr_zero(near);
-        ++hits[static_cast<std::size_t>((y - 1 + kReach) * kSide + column)];
-      }
-      below = here;
-      here = above;
+  const std::int32_t reach = reach_.cells, side = 2 * reach + 1;
+  Band hits;
+  for (std::int32_t first = -reach; first <= reach; first += kBandRows) {
+    const std::int32_t rows = std::min(kBandRows, reach - first + 1);
+    hits.fill(0);
+    for (const SeenPoint& point : points()) {
+      count_hits(map, frame.cell_at(transform(guess, point.x_mm * 1000, point.y_mm * 1000)), first,
+                 rows, hits);
+    }
+    for (std::int32_t i = 0; i < rows * side; ++i) {
+      const std::int32_t score = hits[static_cast<std::size_t>(i)];
+      if (score < second_.score) continue;
+      const std::int32_t x = i % side - reach, y = first + i / side;
+      const bool at_rim =
+          std::max({std::abs(x), std::abs(y)}) == reach || std::abs(turn) == reach_.turns;
+      Candidate candidate{guess, score, at_rim};
+      candidate.pose.position.x_um += x * frame.cell_um();
+      candidate.pose.position.y_um += y * frame.cell_um();
+      note(candidate);
     }
   }
-  for (std::int32_t i = 0; i < kSide * kSide; ++i) {
-    Candidate candidate{guess, hits[static_cast<std::size_t>(i)]};
-    candidate.pose.position.x_um += (i % kSide - kReach) * frame.cell_um();
-    candidate.pose.position.y_um += (i / kSide - kReach) * frame.cell_um();
-    note(candidate);
+}
+
+// Of a sample that lies in `middle`, unless it is shifted.
+void StartAlignment::count_hits(const ExplorationMap& map, Cell middle, std::int32_t first_row,
+                                std::int32_t rows, Band& hits) const {
+  static_assert(ScanSurfaces::kMaxSamples <= 255 && 2 * kFar.cells + 3 <= 64);
+  const std::int32_t reach = reach_.cells, side = 2 * reach + 1;
+  std::uint64_t below = 0, here = 0;  // rows, grown by a cell to both sides
+  for (std::int32_t i = -1; i <= rows; ++i) {
+    const std::uint64_t row = row_of(map, {middle.x, middle.y + first_row + i}, reach + 1);
+    const std::uint64_t above = row | row << 1 | row >> 1;
+    std::uint64_t near = i > 0 ? ((below | here | above) >> 1) & ((1ull << side) - 1) : 0;
+    for (; near != 0; near &= near - 1) {
+      ++hits[static_cast<std::size_t>((i - 1) * side + std::countr_zero(near))];
+    }
+    below = here;
+    here = above;
   }
 }
 
 void StartAlignment::note(const Candidate& candidate) {
   const bool elsewhere = !is_near(candidate.pose, best_.pose, kSamePlaceUm, kSameTurn);
-  if (candidate.score > best_.score) {
+  const bool better = candidate.score > best_.score ||
+                      (candidate.score == best_.score && best_.at_rim && !candidate.at_rim);
+  if (better) {
     if (elsewhere) second_ = best_;
     best_ = candidate;
   } else if (elsewhere && candidate.score > second_.score) {
@@ -116,7 +142,7 @@ void StartAlignment::note(const Candidate& candidate) {
 bool StartAlignment::is_clear() const {
   const auto count = static_cast<std::int32_t>(size_);
   const bool other = !is_near(best_.pose, second_.pose, kSamePlaceUm, kSameTurn);
-  return size_ >= kMinSamples && best_.score * 100 >= count * kMinPercent &&
+  return size_ >= kMinSamples && !best_.at_rim && best_.score * 100 >= count * kMinPercent &&
          (!other || second_.score * 100 < best_.score * kSecondPercent);
 }
 

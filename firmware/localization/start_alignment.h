@@ -12,16 +12,19 @@
 
 namespace ivfm {
 
-// Searches all start poses within 0.5 m and 15 degrees of the one that a robot was given for the
-// one with which its scan lies on the others' obstacles (Olson, "Real-time correlative scan
-// matching", ICRA 2009): while it stands there, and later from wherever it has driven to. Where the
-// others have not been, or a bare corridor leaves open where along it the robot stands, nothing is
-// found.
+// Searches all start poses around the one that a robot was given for the one with which its scan
+// lies on the others' obstacles (Olson, "Real-time correlative scan matching", ICRA 2009): while it
+// stands there within 0.6 m and 16 degrees, more than a start may be wrong; later, from wherever it
+// has driven to, within 1.2 m and 32 degrees, because the others' frame may be as wrong as its own.
+// Where the others have not been, or a bare corridor leaves open where along it the robot stands,
+// nothing is found, and nor is a pose at the rim of what is searched: beyond may be a better one.
 class StartAlignment {
  public:
   enum class Result : std::uint8_t { kSearching, kFound, kNotFound };
 
   void begin(const Pose& start);
+  // From the next pass on: searches twice as far.
+  void search_far();
   // A revolution's share of a pass through all headings, by the scan of the revolution in which the
   // pass begins: `samples` in the robot's frame, seen from `pose`, which follows from the start
   // that was given. kFound: correction() is where that start really was; kNotFound: nothing was
@@ -33,13 +36,23 @@ class StartAlignment {
   const Pose& seen_from() const { return seen_from_; }
 
  private:
-  static constexpr std::int32_t kReach = 10;  // cells
-  static constexpr std::int32_t kSide = 2 * kReach + 1;
+  struct Reach {
+    std::int32_t cells;
+    std::int32_t turns;         // to either side
+    std::int32_t turn_degrees;  // from one to the next
+    std::int32_t headings_per_step;
+  };
+  static constexpr Reach kNear{12, 16, 1, 2};
+  static constexpr Reach kFar{24, 16, 2, 1};
 
   struct Candidate {
     Pose pose;
     std::int32_t score = 0;
+    bool at_rim = false;  // of what is searched
   };
+  // Shifts that are counted at once: some rows of all those in reach.
+  static constexpr std::int32_t kBandRows = 13;
+  using Band = std::array<std::uint8_t, kBandRows*(2 * kFar.cells + 1)>;
 
   struct SeenPoint {  // in the robot's frame; a range of 32 m fits
     std::int16_t x_mm = 0, y_mm = 0;
@@ -47,7 +60,9 @@ class StartAlignment {
 
   std::span<const SeenPoint> points() const { return {points_.data(), size_}; }
   void begin_pass(std::span<const SurfaceSample> samples, const Pose& pose);
-  void try_turn(const ExplorationMap& map, std::int32_t units);
+  void try_turn(const ExplorationMap& map, std::int32_t turn);
+  void count_hits(const ExplorationMap& map, Cell middle, std::int32_t first_row, std::int32_t rows,
+                  Band& hits) const;
   void note(const Candidate& candidate);
   bool is_clear() const;
   void refine(const ExplorationMap& map);
@@ -56,7 +71,9 @@ class StartAlignment {
   Pose seen_from_;
   std::array<SeenPoint, ScanSurfaces::kMaxSamples> points_{};
   std::size_t size_ = 0;
-  std::int32_t turn_ = 0;  // degrees, next to try
+  bool far_ = false;
+  Reach reach_ = kNear;    // of this pass
+  std::int32_t turn_ = 0;  // next to try
   std::uint8_t passes_ = 0;
   Candidate best_, second_;  // second_: the best at another place
 };

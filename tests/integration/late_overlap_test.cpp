@@ -87,32 +87,48 @@ TEST_F(LateOverlap, CorrectsTheMapFrameAndWhatWasToldInIt) {
 }
 
 // Both in wrong frames from the beginning: the first keeps its own, the other takes it over.
-TEST_F(LateOverlap, OfTwoRoughRobotsOnlyOneCorrectsItself) {
-  add({{2'000'000, 1'600'000}, BinaryAngle::from_degrees(90)},
-      {{2'300'000, 1'350'000}, BinaryAngle::from_degrees(100)}, true);
-  add({{4'000'000, 1'000'000}, BinaryAngle::from_degrees(180)},
-      {{4'000'000, 1'000'000}, BinaryAngle::from_degrees(180)}, true);
-  // T_believed_true of the robots' map frames, while they stand.
-  const auto frame_of = [this](std::size_t robot) {
+class TwoRoughRobots : public LateOverlap {
+ protected:
+  void add_two(const Pose& first_told, const Pose& second_told) {
+    add({{2'000'000, 1'600'000}, BinaryAngle::from_degrees(90)}, first_told, true);
+    add({{4'000'000, 1'000'000}, BinaryAngle::from_degrees(180)}, second_told, true);
+  }
+  // T_believed_true of the robot's map frame, while it stands.
+  Pose frame_of(std::size_t robot) const {
     const Pose truth = to_pose(robots_[robot]->body().pose());
     return compose(robots_[robot]->agent().pose(), relative_pose(truth, {}));
-  };
-  run_for(10 * kSecondUs);
-  const Pose first = frame_of(0);
-  EXPECT_FALSE(is_near(first, frame_of(1), 200'000, 728));
-  const TimeUs limit_us = now_us_ + 180 * kSecondUs;
-  while (robots_[1]->agent().start_pose() != StartPose::kCorrected && now_us_ < limit_us) tick();
-  ASSERT_EQ(robots_[1]->agent().start_pose(), StartPose::kCorrected);
-  run_for(30 * kSecondUs);
-  EXPECT_EQ(robots_[0]->agent().start_pose(), StartPose::kGiven);
-  for (const auto& robot : robots_) robot->agent().request_stop();
-  run_for(3 * kSecondUs);
-  for (std::size_t robot = 0; robot < 2; ++robot) {
-    const Pose frame = frame_of(robot);
-    std::printf("frame of robot %zu: %+.3f %+.3f m, %+.2f degrees\n", robot + 1,
-                frame.position.x_um * 1e-6, frame.position.y_um * 1e-6, frame.heading.degrees());
-    EXPECT_TRUE(is_near(frame, first, 120'000, 364));
   }
+  void expect_one_frame() {
+    run_for(10 * kSecondUs);
+    const Pose first = frame_of(0);
+    EXPECT_FALSE(is_near(first, frame_of(1), 200'000, 728));
+    const TimeUs limit_us = now_us_ + 180 * kSecondUs;
+    while (robots_[1]->agent().start_pose() != StartPose::kCorrected && now_us_ < limit_us) tick();
+    ASSERT_EQ(robots_[1]->agent().start_pose(), StartPose::kCorrected);
+    run_for(30 * kSecondUs);
+    EXPECT_EQ(robots_[0]->agent().start_pose(), StartPose::kGiven);
+    for (const auto& robot : robots_) robot->agent().request_stop();
+    run_for(3 * kSecondUs);
+    for (std::size_t robot = 0; robot < 2; ++robot) {
+      const Pose frame = frame_of(robot);
+      std::printf("frame of robot %zu: %+.3f %+.3f m, %+.2f degrees\n", robot + 1,
+                  frame.position.x_um * 1e-6, frame.position.y_um * 1e-6, frame.heading.degrees());
+      EXPECT_TRUE(is_near(frame, first, 120'000, 364));
+    }
+  }
+};
+
+TEST_F(TwoRoughRobots, OnlyOneCorrectsItself) {
+  add_two({{2'300'000, 1'350'000}, BinaryAngle::from_degrees(100)},
+          {{4'000'000, 1'000'000}, BinaryAngle::from_degrees(180)});
+  expect_one_frame();
+}
+
+// One's frame is then twice as wrong in the other's as a start may be.
+TEST_F(TwoRoughRobots, MayBeWrongInOppositeWays) {
+  add_two({{2'300'000, 1'350'000}, BinaryAngle::from_degrees(103)},
+          {{3'700'000, 1'300'000}, BinaryAngle::from_degrees(168)});
+  expect_one_frame();
 }
 
 }  // namespace
