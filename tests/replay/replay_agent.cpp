@@ -139,6 +139,7 @@ int run(const char* replay_path, const char* model_path, const Options& options)
     print_work("fusing a revolution", summary.fusion_work);
     print_work("steps that fuse a revolution", summary.scan_work);
     print_work("other steps", summary.step_work);
+    print_work("revolutions", summary.revolution_work);
   }
   std::printf("hash %016" PRIx64 "\n", summary.hash);
   return 0;

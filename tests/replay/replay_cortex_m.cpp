@@ -88,6 +88,7 @@ void print_summary(const ReplaySummary& summary) {
   print_work("instructions of fusing a revolution", summary.fusion_work);
   print_work("instructions of steps that fuse a revolution", summary.scan_work);
   print_work("instructions of other steps", summary.step_work);
+  print_work("instructions of revolutions without a decision", summary.revolution_work);
   print("bytes of stack used ");
   print_unsigned(stack_used());
   print(" of ");

@@ -77,7 +77,15 @@ void AgentReplay::step(Agent& agent, DecisionListener* listener, ReplaySummary& 
   hash_.add(agent.pose().position.x_um);
   hash_.add(agent.pose().position.y_um);
   hash_.add(agent.pose().heading.raw());
-  if (agent.progress().actions == before.actions && !explored) {
+  const bool decided = agent.progress().actions != before.actions || explored;
+  revolution_ += spent;
+  decided_ = decided_ || decided;
+  if (fused) {
+    if (!decided_) summary.revolution_work.add(revolution_);
+    revolution_ = 0;
+    decided_ = false;
+  }
+  if (!decided) {
     (fused ? summary.scan_work : summary.step_work).add(spent);
     if (fused) summary.fusion_work.add(clock_.last_work());
     return;

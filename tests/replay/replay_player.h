@@ -52,6 +52,8 @@ struct ReplaySummary {
   WorkStatistics fusion_work;  // fusing a revolution into the map, in steps that decide nothing
   WorkStatistics scan_work;    // steps that fuse a revolution and decide nothing, in whole
   WorkStatistics step_work;    // all other steps without a decision
+  // All steps from after one fused revolution to the next, where none decides anything.
+  WorkStatistics revolution_work;
 };
 
 // The hash of a decision: the known part of the map, the state, the Q values, the goal, the path.
@@ -82,6 +84,8 @@ class AgentReplay {
   ReplayRadio radio_{input_, hash_};
   ReplayClock clock_;
   RobotState state_ = RobotState::kBoot;
+  std::uint64_t revolution_ = 0;  // work of its steps so far
+  bool decided_ = false;          // in this revolution
 };
 
 // Plays the records after an explorer's header.
