@@ -1,6 +1,7 @@
 #include "firmware/planning/explorer.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -198,12 +199,18 @@ Decision Explorer::select_global_goal(const Pose& pose) {
 Decision Explorer::select_frontier(const Pose& pose, FrontierRule rule) {
   // Only when nothing is left with room to spare the robot squeezes through narrow places: first
   // through those that it surely fits through, last through any that could have let it in.
-  for (const Clearance clearance : {Clearance::kPreferred, Clearance::kTight, Clearance::kEscape}) {
+  for (const Clearance clearance : clearances()) {
     plan_everywhere(pose, clearance);
     if (const auto frontier = choose_frontier(rule)) return drive_to(*frontier);
-    if (config_.paths.tight_radius_um == 0) break;
   }
   return config_.return_to_start ? select_return(pose) : stay();
+}
+
+// Those that differ, the most room first.
+std::span<const Clearance> Explorer::clearances() const {
+  static constexpr Clearance kAll[] = {Clearance::kPreferred, Clearance::kTight,
+                                       Clearance::kEscape};
+  return std::span(kAll).first(config_.paths.tight_radius_um == 0 ? 1 : std::size(kAll));
 }
 
 void Explorer::plan_everywhere(const Pose& pose, Clearance clearance) {
@@ -283,7 +290,7 @@ bool Explorer::is_open(Cell c) const {
 
 Decision Explorer::select_return(const Pose& pose) {
   const Cell home = map_.frame().cell_at(start_.position);
-  for (const Clearance clearance : {Clearance::kPreferred, Clearance::kTight, Clearance::kEscape}) {
+  for (const Clearance clearance : clearances()) {
     plan_everywhere(pose, clearance);
     if (paths_.cost_at(map_, home) != path::kUnreachable) break;
   }

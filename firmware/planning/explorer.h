@@ -203,6 +203,7 @@ class Explorer {
   ViewValue view_from(std::int32_t favourite) const;
   std::optional<FrontierView> best_view(int min_size) const;
   std::int32_t view_reach_cells() const { return config_.view_reach_um / map_.frame().cell_um(); }
+  std::span<const Clearance> clearances() const;
   void plan_everywhere(const Pose& pose, Clearance clearance);
   bool worth_trying(const FrontierGoal& frontier);
   enum class FrontierRule : std::uint8_t { kNearest, kBestView };
