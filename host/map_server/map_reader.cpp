@@ -58,6 +58,12 @@ CellRect tile_bounds(SqliteStatement& row) {
   return low.united(high);
 }
 
+// Databases of earlier programs have no such table.
+bool has_apart_tiles(SqliteConnection& connection) {
+  return connection.integer("SELECT count(*) FROM sqlite_master WHERE name = 'apart_tiles'")
+             .value_or(0) != 0;
+}
+
 std::set<std::uint16_t> apart_robots(SqliteConnection& connection) {
   std::set<std::uint16_t> robots;
   if (!has_apart_tiles(connection)) return robots;

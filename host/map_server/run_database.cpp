@@ -128,7 +128,8 @@ constexpr std::array kForgetSql{
 };
 #undef IVFM_FORGET
 
-// As the table tiles; only in runs in which a robot did not know where it was.
+// As the table tiles, of robots that do not know where they are. Databases of earlier programs
+// have no such table.
 constexpr const char* kApartSchema =
     "CREATE TABLE IF NOT EXISTS apart_tiles (robot INTEGER NOT NULL, layer INTEGER NOT NULL, "
     "tile_x INTEGER NOT NULL, tile_y INTEGER NOT NULL, epoch INTEGER NOT NULL, "
@@ -205,11 +206,6 @@ void check_run_database(SqliteConnection& connection, const std::filesystem::pat
   }
 }
 
-bool has_apart_tiles(SqliteConnection& connection) {
-  return connection.integer("SELECT count(*) FROM sqlite_master WHERE name = 'apart_tiles'")
-             .value_or(0) != 0;
-}
-
 SqliteConnection RunDatabase::open_checked(const std::filesystem::path& path) {
   SqliteConnection connection(path, SqliteConnection::Mode::kWrite);
   check_run_database(connection, path, true);
@@ -222,6 +218,7 @@ RunDatabase::RunDatabase(const std::filesystem::path& path)
   if (connection_.integer("SELECT count(*) FROM sqlite_master").value_or(0) == 0) {
     connection_.execute(kSchema);
   }
+  connection_.execute(kApartSchema);
 }
 
 RunDatabase::~RunDatabase() = default;
@@ -295,7 +292,6 @@ void RunDatabase::load_tiles(MapStore& store) {
 }
 
 void RunDatabase::load_apart(std::map<std::uint16_t, MapStore>& stores) {
-  if (!has_apart_tiles(connection_)) return;
   load_tiles_of("SELECT robot, layer, tile_x, tile_y, epoch, cells, sequences FROM apart_tiles",
                 [&stores](std::uint16_t robot) -> MapStore& { return stores[robot]; });
 }
@@ -390,7 +386,6 @@ void RunDatabase::save_robot(const RobotRecord& robot) {
 
 void RunDatabase::save_tile(std::uint16_t robot, const TileKey& key, const RobotTile& tile,
                             bool apart) {
-  if (apart) connection_.execute(kApartSchema);
   // Not REPLACE: the row stays where it is.
   SqliteStatement& insert =
       statement(apart ? IVFM_SAVE_TILE("apart_tiles") : IVFM_SAVE_TILE("tiles"));
@@ -409,7 +404,6 @@ void RunDatabase::save_tile(std::uint16_t robot, const TileKey& key, const Robot
 }
 
 void RunDatabase::forget_apart(std::uint16_t robot) {
-  if (!has_apart_tiles(connection_)) return;
   statement("DELETE FROM apart_tiles WHERE robot = ?").bind(std::int64_t{robot}).run();
 }
 

@@ -146,9 +146,6 @@ class RunDatabase {
   std::map<const char*, SqliteStatement> statements_;
 };
 
-// Whether some robot's tiles are kept apart: then there is the table apart_tiles.
-bool has_apart_tiles(SqliteConnection& connection);
-
 // Throws std::runtime_error with one sentence when `connection`'s file is not a run database that
 // this build understands. An empty file passes when `allow_empty`.
 void check_run_database(SqliteConnection& connection, const std::filesystem::path& path,
