@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "host/demo/demo_run.h"
+#include "host/demo/run_options.h"
 #include "host/radio/radio_faults.h"
 
 namespace ivfm::host {
@@ -87,6 +88,17 @@ void add_team_options(CLI::App& command, DemoOptions& options) {
                      "X,Y in metres: the robot that sees it ends the search for all");
 }
 
+void add_process_options(CLI::App& command, DemoOptions& options) {
+  command.add_option("--policy", options.policy, "qnet or frontier-nearest")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"qnet", "frontier-nearest"}));
+  command.add_option("--agent", options.agent, "program of the robots [ivfm-agent beside this]");
+  command.add_option("--out", options.out, "folder for the results")->capture_default_str();
+  command.add_option("--time-scale", options.time_scale, "robots' seconds in a real one")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 20.0));
+}
+
 }  // namespace
 
 void add_demo_command(CLI::App& app, CommandAction& action) {
@@ -94,26 +106,13 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
   auto resolution_m = std::make_shared<double>(0);
   CLI::App* command =
       app.add_subcommand("demo", "Robots explore a world, all in software; map and report");
-  command->add_option("--robots", options->world.robots, "how many")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 8));
-  command
-      ->add_option("--world", options->world.name,
-                   "corridor, malaga, building, or a map file (.yaml, .pgm, .png)")
-      ->capture_default_str();
+  add_run_options(*command, {options->world, options->unknown_starts, options->model,
+                             options->goals, options->localization, options->odometry_noise,
+                             options->lidar_noise, options->until, options->time_limit_s,
+                             options->visit_range_m, options->visit_fov_deg});
+  add_process_options(*command, *options);
   command->add_option("--resolution", *resolution_m, "metres a pixel of a bare image")
       ->check(CLI::PositiveNumber);
-  command->add_option("--policy", options->policy, "qnet or frontier-nearest")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"qnet", "frontier-nearest"}));
-  command->add_option("--model", options->model,
-                      "quantized Q-network [the first of models/*.ivfm]");
-  command->add_option("--agent", options->agent, "program of the robots [ivfm-agent beside this]");
-  command->add_option("--out", options->out, "folder for the results")->capture_default_str();
-  command->add_option("--time-scale", options->time_scale, "robots' seconds in a real one")
-      ->capture_default_str()
-      ->check(CLI::Range(0.1, 20.0));
-  command->add_option("--seed", options->world.seed, "of everything random")->capture_default_str();
   command
       ->add_option_function<std::vector<std::string>>(
           "--start",
@@ -123,42 +122,9 @@ void add_demo_command(CLI::App& app, CommandAction& action) {
             }
           },
           "start pose x,y,heading in metres and degrees; once a robot")
-      ->excludes(command->add_flag("--random-starts", options->world.random_starts,
-                                   "draw the start poses in the corridor from the seed"));
+      ->excludes("--random-starts");
   command->add_flag("--rough-starts", options->rough_starts,
                     "tell robots but the first start poses up to 0.5 m and 15 degrees wrong");
-  command->add_flag("--unknown-starts", options->unknown_starts,
-                    "tell robots but the first nothing of where they start");
-  command->add_option("--until", options->until, "share of the free space to see")
-      ->capture_default_str()
-      ->check(CLI::Range(0.01, 1.0));
-  command->add_option("--time-limit", options->time_limit_s, "seconds of the robots' time")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  command->add_option("--visit-range", options->visit_range_m, "metres within which a cell is seen")
-      ->capture_default_str()
-      ->check(CLI::Range(0.1, 12.0));
-  command->add_option("--visit-fov", options->visit_fov_deg, "and within so many degrees, ahead")
-      ->capture_default_str()
-      ->check(CLI::Range(1.0, 360.0));
-  command
-      ->add_option(
-          "--goals", options->goals,
-          "views: of frontiers, the network's goal where its view shows more; network: its "
-          "choice alone, as in the paper")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"views", "network"}));
-  command->add_option("--odometry-noise", options->odometry_noise, "none, mild, turtlebot or harsh")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));
-  command->add_option("--lidar-noise", options->lidar_noise, "none or mild")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"none", "mild"}));
-  command
-      ->add_option("--localization", options->localization,
-                   "matching: scans against the map correct the odometry; or odometry")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"odometry", "matching"}));
   command->add_option("--walkers", options->walkers, "people who cross the world")
       ->capture_default_str()
       ->check(CLI::Range(0, 50));

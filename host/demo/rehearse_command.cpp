@@ -16,6 +16,7 @@
 #include "host/cli/progress_line.h"
 #include "host/cli/shipped_model.h"
 #include "host/demo/rehearsal.h"
+#include "host/demo/run_options.h"
 #include "host/environment/parallel.h"
 #include "host/quantizer/quantizer.h"
 
@@ -153,55 +154,17 @@ void add_rehearse_command(CLI::App& app, CommandAction& action) {
   RehearsalOptions& rehearsal = options->rehearsal;
   CLI::App* command = app.add_subcommand(
       "rehearse", "Many runs of whole agents in simulated time: means of what they achieve");
-  command->add_option("--robots", rehearsal.world.robots, "how many")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 8));
+  add_run_options(*command, {rehearsal.world, rehearsal.unknown_starts, options->model,
+                             options->goals, options->localization, options->odometry,
+                             options->lidar, rehearsal.until, rehearsal.time_limit_s,
+                             rehearsal.agent.visit_range_m, rehearsal.agent.visit_fov_deg});
   command
-      ->add_option("--world", rehearsal.world.name,
-                   "corridor, malaga, building, or a map file (.yaml, .pgm, .png)")
-      ->capture_default_str();
-  command->add_flag("--random-starts", rehearsal.world.random_starts,
-                    "draw the start poses in the corridor from the seed");
-  command->add_flag("--unknown-starts", rehearsal.unknown_starts,
-                    "tell robots but the first nothing of where they start");
-  command->add_option("--episodes", options->episodes, "how many runs, each with its own seed")
+      ->add_option("--episodes", options->episodes,
+                   "how many runs, each with its own seed: --seed and those after it")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000));
-  command->add_option("--seed", rehearsal.world.seed, "of the first run")->capture_default_str();
   command->add_option("--threads", options->threads, "the results do not depend on it [all cores]")
       ->check(CLI::Range(1, 1024));
-  command->add_option("--model", options->model,
-                      "quantized Q-network [the first of models/*.ivfm]");
-  command
-      ->add_option("--goals", options->goals,
-                   "views: of frontiers; network: the network's choice alone, as in the paper")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"views", "network"}));
-  command->add_option("--until", rehearsal.until, "share of the free space to see")
-      ->capture_default_str()
-      ->check(CLI::Range(0.01, 1.0));
-  command->add_option("--time-limit", rehearsal.time_limit_s, "seconds of the robots' time")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  command
-      ->add_option("--visit-range", rehearsal.agent.visit_range_m,
-                   "metres within which a cell is seen")
-      ->capture_default_str()
-      ->check(CLI::Range(0.1, 12.0));
-  command
-      ->add_option("--visit-fov", rehearsal.agent.visit_fov_deg,
-                   "and within so many degrees, ahead")
-      ->capture_default_str()
-      ->check(CLI::Range(1.0, 360.0));
-  command->add_option("--odometry-noise", options->odometry, "none, mild, turtlebot or harsh")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"none", "mild", "turtlebot", "harsh"}));
-  command->add_option("--lidar-noise", options->lidar, "none or mild")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"none", "mild"}));
-  command->add_option("--localization", options->localization, "matching or odometry")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"odometry", "matching"}));
   command->footer(
       "Example: ivfm rehearse --goals network --visit-range 1.2 --visit-fov 150 --random-starts");
   command->callback([options, &action] { action = [options] { return rehearse_all(*options); }; });
