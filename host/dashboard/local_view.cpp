@@ -1,14 +1,11 @@
 #include "host/dashboard/local_view.h"
 
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <stdexcept>
 
 #include "firmware/agent/profile.h"
-#include "firmware/nn/q_network.h"
 #include "firmware/planning/explorer.h"
+#include "host/quantizer/robot_model.h"
 
 namespace ivfm::host {
 namespace {
@@ -21,8 +18,7 @@ constexpr double kPathUnits = 256;
 }  // namespace
 
 struct LocalView::Policy {
-  std::vector<std::uint8_t> bytes;  // of the model; the network points into it
-  std::optional<QNetwork> network;
+  std::optional<RobotModel> model;
   double visit_range_m = 3;
   std::unique_ptr<ExplorerFor<RobotProfile>> explorer;
 
@@ -45,14 +41,7 @@ struct LocalView::Policy {
 LocalView::LocalView(const std::filesystem::path& model, double visit_range_m)
     : policy_(std::make_unique<Policy>()) {
   policy_->visit_range_m = visit_range_m;
-  if (model.empty()) return;
-  std::ifstream file(model, std::ios::binary);
-  policy_->bytes.assign(std::istreambuf_iterator<char>(file), {});
-  const ModelStatus loaded = policy_->network.emplace().load_for_robot(policy_->bytes);
-  if (!file || !ok(loaded.status)) {
-    throw std::runtime_error("cannot use the model " + model.string() + ": " +
-                             (file ? loaded.reason : "it cannot be read"));
-  }
+  if (!model.empty()) policy_->model.emplace(model);
 }
 
 LocalView::~LocalView() = default;
@@ -79,7 +68,7 @@ std::string LocalView::describe(const LiveState& state, std::uint16_t robot) {
                                     : json(nullptr));
   }
   std::array<std::int32_t, kPolicyGridSize> q;
-  if (!policy_->network || !ok(policy_->network->evaluate(seen, q))) return out.dump();
+  if (!policy_->model || !ok(policy_->model->network().evaluate(seen, q))) return out.dump();
   out["q"] = json::array();
   std::optional<std::size_t> best;
   for (std::size_t i = 0; i < q.size(); ++i) {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "host/cli/shipped_model.h"
-#include "host/quantizer/quantizer.h"
+#include "host/quantizer/robot_model.h"
 
 namespace ivfm::host {
 namespace {

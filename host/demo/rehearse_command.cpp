@@ -18,7 +18,7 @@
 #include "host/demo/rehearsal.h"
 #include "host/demo/run_options.h"
 #include "host/environment/parallel.h"
-#include "host/quantizer/quantizer.h"
+#include "host/quantizer/robot_model.h"
 
 namespace ivfm::host {
 namespace {

@@ -218,7 +218,8 @@ void add_eval_command(CLI::App& app, CommandAction& action) {
                    "1x, 2x, divider, divider-released, corridor, building, or a map file")
       ->capture_default_str();
   command->add_option("--policy", request.policy, policy_list())->capture_default_str();
-  command->add_option("--model", request.model, "network of qnet (.ivfm) or qnet-float (.fnet)");
+  command->add_option("--model", request.model,
+                      "network of qnet (.ivfm) or, for any kind of state, qnet-float (.fnet)");
   command->add_option("--state", request.state, "ivfm (2 channels) or vfm (4), for the bandwidth")
       ->check(CLI::IsMember({"ivfm", "vfm"}))
       ->capture_default_str();

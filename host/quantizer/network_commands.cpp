@@ -12,6 +12,7 @@
 #include "host/quantizer/onnx_file.h"
 #include "host/quantizer/quantizer.h"
 #include "host/quantizer/recorded_states.h"
+#include "host/quantizer/robot_model.h"
 
 namespace ivfm::host {
 

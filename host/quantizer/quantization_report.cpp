@@ -1,7 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <random>
 #include <stdexcept>
@@ -136,13 +134,6 @@ std::vector<std::uint16_t> make_example_states(std::uint64_t seed, int count, St
                 channels == 1 ? std::span(unused) : state.last(kPolicyGridSize));
   }
   return states;
-}
-
-std::vector<std::uint8_t> read_model_file(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::vector<char> bytes((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  if (!in) throw std::runtime_error("cannot read " + path.string());
-  return {bytes.begin(), bytes.end()};
 }
 
 }  // namespace ivfm::host

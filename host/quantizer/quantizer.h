@@ -57,7 +57,4 @@ QuantizationReport compare(const FloatNetwork& network, std::span<const std::uin
 std::vector<std::uint16_t> make_example_states(std::uint64_t seed, int count,
                                                StateKind kind = StateKind::kIvfm);
 
-// Reads a whole file. Throws std::runtime_error with the path.
-std::vector<std::uint8_t> read_model_file(const std::filesystem::path& path);
-
 }  // namespace ivfm::host

@@ -4,8 +4,6 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -14,9 +12,10 @@
 #include <thread>
 
 #include "firmware/agent/profile.h"
-#include "firmware/nn/q_network.h"
+#include "firmware/nn/q_function.h"
 #include "host/cli/progress_line.h"
 #include "host/log_analysis/map_picture.h"
+#include "host/quantizer/robot_model.h"
 #include "host/simulator/rawlog_replay.h"
 #include "host/simulator/recording_player.h"
 #include "host/simulator/rplidar_terminal.h"
@@ -52,24 +51,6 @@ void handle_signals() {
 
 Recording load(const CommandOptions& options) {
   return is_recording(options.input) ? read_recording(options.input) : load_rawlog(options.input);
-}
-
-// The policy network of a model file, and the bytes that it points into.
-struct LoadedModel {
-  std::vector<std::uint8_t> bytes;
-  QNetwork network;
-};
-
-std::unique_ptr<LoadedModel> load_model_file(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw std::runtime_error("cannot open the model " + path.string());
-  auto model = std::make_unique<LoadedModel>();
-  model->bytes.assign(std::istreambuf_iterator<char>(file), {});
-  const ModelStatus status = model->network.load_for_robot(model->bytes);
-  if (!ok(status.status)) {
-    throw std::runtime_error(path.string() + " is no usable model: " + status.reason);
-  }
-  return model;
 }
 
 // --- On a pseudo-terminal ---
@@ -193,8 +174,8 @@ int fuse(const CommandOptions& options, const Recording& recording) {
   const auto explorer = std::make_unique<ExplorerFor<RobotProfile>>(ExplorerConfig::lidar(
       static_cast<std::int32_t>(options.visit_range_m * 1e6), RobotProfile::kCellUm));
   NoPolicy no_policy;
-  const auto model = options.model.empty() ? nullptr : load_model_file(options.model);
-  QFunction& policy = model ? static_cast<QFunction&>(model->network) : no_policy;
+  const auto model = options.model.empty() ? nullptr : std::make_unique<RobotModel>(options.model);
+  QFunction& policy = model ? static_cast<QFunction&>(model->network()) : no_policy;
   ProgressLine line(recording.scans.size(), "scans");
   const auto progress = [&](std::size_t done) {
     line(done);

@@ -19,6 +19,7 @@
 #include "host/environment/exploration_environment.h"
 #include "host/map_server/team_radio.h"
 #include "host/quantizer/quantizer.h"
+#include "host/quantizer/robot_model.h"
 #include "host/simulator/corridor_world.h"
 #include "tests/replay/simulated_robot.h"
 

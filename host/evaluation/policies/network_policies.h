@@ -1,27 +1,23 @@
 // The learned policy, as the robot runs it (int8) and with its float weights.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
-#include <vector>
 
-#include "firmware/nn/q_network.h"
 #include "host/evaluation/policies/exploration_policy.h"
 #include "host/quantizer/float_q_function.h"
+#include "host/quantizer/robot_model.h"
 
 namespace ivfm::host {
 
 // The firmware's own network: what is judged is what ships.
 class QNetworkPolicy final : public ExplorationPolicy {
  public:
-  // Throws std::runtime_error when the file cannot be read, is not a model, or is one for another
-  // state than the robot has.
-  explicit QNetworkPolicy(const std::filesystem::path& model);
+  // Throws as RobotModel.
+  explicit QNetworkPolicy(const std::filesystem::path& model) : model_(model) {}
   StepResult act(ExplorationEnvironment& env, int agent) override;
 
  private:
-  std::vector<std::uint8_t> file_;
-  std::unique_ptr<QNetwork> network_;
+  RobotModel model_;
 };
 
 // With its float weights, and for any kind of state (network_state.h).
