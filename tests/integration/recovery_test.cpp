@@ -86,6 +86,7 @@ class Recovery : public SimulatedTeam, public testing::WithParamInterface<Case> 
     const double metres = random.between(500, 1500) / 100.0;
     const TimeUs limit_us = now_us_ + 300 * kSecondUs;
     while (robots_[0]->body().travelled_m() < metres && now_us_ < limit_us) tick();
+    const double before_m = error_m(0);
     befall(mishap, random);
     outcome.runs = 1;
     const TimeUs begun_us = now_us_;
@@ -97,6 +98,10 @@ class Recovery : public SimulatedTeam, public testing::WithParamInterface<Case> 
       outcome.painted += agent().progress().scans_fused != fused && is_off() ? 1 : 0;
       fused = agent().progress().scans_fused;
       was_lost = is_lost();
+    }
+    if (!is_lost() && is_off()) {
+      std::printf("%s %d, %s: %.2f m and %.0f degrees off, %.2f m before\n", world.c_str(),
+                  static_cast<int>(seed), name_of(mishap), error_m(0), error_deg(0), before_m);
     }
     ++(is_lost() ? outcome.lost : is_off() ? outcome.wrong : outcome.right);
     EXPECT_TRUE(!is_lost() || agent().state() == RobotState::kFault);
