@@ -117,8 +117,7 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
   }
   const Pose predicted = to_map(in_odometry);
   match_ = matcher_.match(map, surfaces_, predicted, covariance_, scan);
-  // Where a robot has been its surroundings are known: a place near which nothing
-  // is, is elsewhere.
+  // Where a robot has been its surroundings are known: a place near which nothing is, is elsewhere.
   if (match_.outcome == MatchOutcome::kUnknownPlace && has_matched_ &&
       match_.near >= kManyNear + match_.on_backs) {
     match_.outcome = MatchOutcome::kPoorFit;
@@ -148,7 +147,10 @@ void Localization::judge_odometry(const Vector3& off) {
 void Localization::judge(MatchOutcome outcome, const ExplorationMap& map) {
   switch (outcome) {
     case MatchOutcome::kMatched: ++counters_.matched; break;
-    case MatchOutcome::kPoorFit: ++counters_.poor; break;
+    case MatchOutcome::kPoorFit:
+      ++counters_.poor;
+      covariance_ = covariance_ * kContradictionGrowth;
+      break;
     default: ++counters_.undecided;
   }
   weigh_doubt(outcome);
@@ -163,7 +165,6 @@ void Localization::weigh_doubt(MatchOutcome outcome) {
     doubt_ = static_cast<std::uint8_t>(std::max<std::int32_t>(0, doubt_ + by));
   };
   if (outcome == MatchOutcome::kPoorFit) {
-    covariance_ = covariance_ * kContradictionGrowth;
     change(match_.explained_elsewhere ? kHalfFitDoubt : kContradictionDoubt);
     return;
   }

@@ -3,12 +3,12 @@
 // cannot. In simulated time. IVFM_RECOVERY_SEEDS=4-9 plays others.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <numbers>
 #include <string>
 #include <tuple>
 
