@@ -39,18 +39,22 @@ constexpr int channels_of(StateKind kind) {
 // Limits of one network, the same on every target.
 inline constexpr std::size_t kMaxModelBytes = 448 * 1024;  // the file
 inline constexpr std::size_t kMaxWeightBytes = 400'000;
-inline constexpr std::size_t kArenaBytes = 96 * 1024;  // activations and kernels' scratch
+inline constexpr std::size_t kTensorMemoryBytes = 80 * 1024;  // the activations
+inline constexpr std::size_t kScratchBytes = 16 * 1024;       // the convolutions' padded rows
 inline constexpr std::int64_t kMaxMultiplyAdds = 50'000'000;
 inline constexpr int kMaxLayers = 48;
 inline constexpr int kMaxTensors = kMaxLayers + 1;
 inline constexpr int kMaxInputChannels = 4;
 inline constexpr int kMaxChannels = 128;
 inline constexpr int kMaxNameBytes = 24;
+// Activations have 14 bits: 0 .. 16383 where the layer has ReLU, else -16383 .. 16383.
+inline constexpr int kActivationBits = 14;
+inline constexpr int kMaxActivation = (1 << kActivationBits) - 1;
 
 namespace model_format {
 
 inline constexpr std::uint32_t kMagic = 0x4e515649;  // "IVQN" in the file
-inline constexpr std::uint16_t kVersion = 1;
+inline constexpr std::uint16_t kVersion = 2;
 inline constexpr std::size_t kHeaderBytes = 128;
 inline constexpr std::size_t kTensorBytes = 12;
 inline constexpr std::size_t kLayerBytes = 24;
@@ -60,6 +64,7 @@ inline constexpr std::size_t kBlobAlignment = 64;
 inline constexpr int kOutputGroup = 16;  // output channels are stored in groups of 16
 inline constexpr int kInputGroup = 4;    // input channels in groups of 4 within them
 inline constexpr std::uint8_t kNoTensor = 0xff;
+inline constexpr std::uint32_t kMaxAddMultiplier = 1u << 15;
 inline constexpr std::uint8_t kFlagRelu = 1;
 inline constexpr std::uint8_t kFlagRaw = 2;  // the head: int32 accumulators, not requantized
 

@@ -68,7 +68,7 @@ class Loader {
     model_.state_kind = static_cast<StateKind>(*at(18));
     model_.value_kind = static_cast<ValueKind>(*at(19));
     model_.input_channels = *at(20);
-    model_.arena_bytes = read_u32(at(24));
+    model_.tensor_bytes = read_u32(at(24));
     model_.output_scale_f32_bits = read_u32(at(28));
     model_.policy_cell_um = read_u32(at(32));
     if (model_.layer_count < 1 || model_.layer_count > kMaxLayers)
@@ -81,7 +81,8 @@ class Loader {
     if (!all_zero(at(22), 2) || !all_zero(at(36), 4) || !all_zero(at(112), 16))
       return corrupt("reserved header bytes are not zero");
     if (!is_positive_finite_f32(model_.output_scale_f32_bits)) return corrupt("bad output scale");
-    if (model_.arena_bytes > kArenaBytes) return exceeds("the activations need too much memory");
+    if (model_.tensor_bytes > kTensorMemoryBytes)
+      return exceeds("the activations need too much memory");
     std::memcpy(model_.name.data(), at(40), kMaxNameBytes);
     return check_name();
   }
@@ -126,8 +127,8 @@ class Loader {
         return exceeds("a tensor's shape is out of range");
       if (i != 0 && tensor.channels % format::kOutputGroup != 0)
         return unsupported("a tensor's channels are no multiple of 16");
-      if (tensor.offset % format::kBlobAlignment != 0 || tensor.offset > model_.arena_bytes ||
-          tensor.bytes() > model_.arena_bytes - tensor.offset)
+      if (tensor.offset % format::kBlobAlignment != 0 || tensor.offset > model_.tensor_bytes ||
+          tensor.bytes() > model_.tensor_bytes - tensor.offset)
         return exceeds("a tensor lies outside the activation memory");
       if (!is_positive_finite_f32(tensor.scale_f32_bits)) return corrupt("bad tensor scale");
       model_.tensors[i] = tensor;
@@ -207,9 +208,9 @@ class Loader {
     const TensorView& b = model_.tensors[layer.input_b];
     TensorView& out = model_.tensors[layer.output];
     if (!out.same_shape(a) || !out.same_shape(b)) return corrupt("an addition's shapes differ");
-    // 2 * 127 * 2^22 + 2^29 fits an int32.
-    if (layer.shift < 1 || layer.shift > 30 || layer.multiplier_a > 1u << 22 ||
-        layer.multiplier_b > 1u << 22)
+    // 2 * 16383 * 2^15 + 2^29 fits an int32.
+    if (layer.shift < 1 || layer.shift > 30 || layer.multiplier_a > format::kMaxAddMultiplier ||
+        layer.multiplier_b > format::kMaxAddMultiplier)
       return corrupt("an addition's scaling is out of range");
     out.non_negative = layer.relu || (a.non_negative && b.non_negative);
     return kGood;
@@ -254,16 +255,11 @@ class Loader {
     next_blob_ = align_up(offset + size);
     model_.weight_bytes += static_cast<std::uint32_t>(weights);
     model_.multiply_adds += static_cast<std::int64_t>(weights) * pixels;
-    if (layer.kind == LayerKind::kConv3x3) {
-      const auto padded =
-          static_cast<std::uint32_t>((in.height + 2) * (in.width + 2) * in.stored_channels());
-      model_.scratch_bytes = std::max(model_.scratch_bytes, padded);
-    }
     if (const ModelStatus fault = check_padding(offset + size); !ok(fault.status)) return fault;
     return check_accumulators(layer, in);
   }
 
-  // Every output's accumulator stays within an int32: inputs are at most 127 in size. Multipliers
+  // Every output's accumulator stays within an int32, whatever the activations. Multipliers
   // are below 2^31, so that accumulator * multiplier + 2^61 fits an int64.
   ModelStatus check_accumulators(const LayerView& layer, const TensorView& in) const {
     std::array<std::int64_t, kMaxChannels> sums{};
@@ -275,7 +271,7 @@ class Loader {
     for (std::size_t i = 0; i < weights_per_group * (layer.stored_outputs / 16u); ++i) {
       const int weight = layer.weights[i];
       if (weight == -128) return corrupt("a weight of -128");
-      sums[i / weights_per_group * 16 + i / 4 % 16] += 127 * std::abs(weight);
+      sums[i / weights_per_group * 16 + i / 4 % 16] += kMaxActivation * std::abs(weight);
     }
     for (std::size_t o = 0; o < layer.stored_outputs; ++o) {
       const std::int32_t multiplier = read_i32(layer.multipliers + 4 * o);
@@ -317,8 +313,6 @@ class Loader {
   ModelStatus check_totals() {
     if (model_.weight_bytes > kMaxWeightBytes) return exceeds("too many weights");
     if (model_.multiply_adds > kMaxMultiplyAdds) return exceeds("too many multiply-adds");
-    if (align_up(model_.arena_bytes) + model_.scratch_bytes > kArenaBytes)
-      return exceeds("the activations need too much memory");
     return kGood;
   }
 

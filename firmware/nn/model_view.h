@@ -11,27 +11,28 @@
 
 namespace ivfm {
 
-// An int8 tensor [y][x][channel] in the activation arena. Channels are stored in multiples of 4;
-// the ones that only fill up are 0.
+// An int16 tensor [y][x][channel] in the tensor memory. Channels are stored in multiples of 4; the
+// ones that only fill up are 0.
 struct TensorView {
   std::uint8_t height = 0;
   std::uint8_t width = 0;
   std::uint8_t channels = 0;
-  bool non_negative = false;         // every value lies in 0 .. 127, else in -127 .. 127
-  std::uint32_t offset = 0;          // in the arena, a multiple of 64
+  bool non_negative = false;         // see kMaxActivation
+  std::uint32_t offset = 0;          // in the tensor memory, a multiple of 64
   std::uint32_t scale_f32_bits = 0;  // what one step means, as an IEEE 754 float; host tools only
 
   constexpr int stored_channels() const { return (channels + 3) / 4 * 4; }
-  constexpr std::size_t bytes() const {
+  constexpr std::size_t values() const {
     return std::size_t{height} * width * static_cast<std::size_t>(stored_channels());
   }
+  constexpr std::size_t bytes() const { return values() * sizeof(std::int16_t); }
   constexpr bool same_shape(const TensorView& o) const {
     return height == o.height && width == o.width && channels == o.channels;
   }
 };
 
 // Requantization: q = (accumulator * multiplier + 2^(shift - 1)) >> shift in 64 bits, an arithmetic
-// shift, so halves round up; then clamped to -127 .. 127, or 0 .. 127 with ReLU.
+// shift, so halves round up; then clamped to the range of an activation (kMaxActivation).
 struct LayerView {
   LayerKind kind = LayerKind::kConv3x3;
   std::uint8_t stride = 1;
@@ -50,13 +51,15 @@ struct LayerView {
   const std::uint8_t* multipliers = nullptr;
   const std::int8_t* weights = nullptr;  // see model_format::weight_index()
 
-  constexpr int taps() const { return kind == LayerKind::kConv3x3 ? 9 : 1; }
+  constexpr int side() const { return kind == LayerKind::kConv3x3 ? 3 : 1; }
+  constexpr int taps() const { return side() * side(); }
   constexpr bool is_convolution() const {
     return kind == LayerKind::kConv3x3 || kind == LayerKind::kConv1x1;
   }
 };
 
-// q = clamp(((v - offset) * multiplier + 2^(shift - 1)) >> shift, 0, 127) for a state value v.
+// q = clamp(((v - offset) * multiplier + 2^(shift - 1)) >> shift, 0, kMaxActivation) for a state
+// value v.
 struct InputChannelView {
   std::int32_t offset = 0;
   std::int32_t multiplier = 0;
@@ -71,8 +74,7 @@ struct ModelView {
   std::uint32_t policy_cell_um = 0;         // side of a policy cell in training, 0 when not fixed
   std::uint32_t output_scale_f32_bits = 0;  // Q = accumulator * scale; host tools only
   std::uint32_t crc = 0;                    // identifies the model in logs
-  std::uint32_t arena_bytes = 0;            // activations
-  std::uint32_t scratch_bytes = 0;          // the fast kernels' padded input, after the activations
+  std::uint32_t tensor_bytes = 0;           // of the tensor memory in use
   std::uint32_t weight_bytes = 0;
   std::int64_t multiply_adds = 0;
   std::uint8_t input_channels = 0;

@@ -1,7 +1,6 @@
 #include "firmware/nn/q_network.h"
 
 #include <algorithm>
-#include <cstring>
 
 namespace ivfm {
 
@@ -51,8 +50,8 @@ Status QNetwork::evaluate(const LocalState& state, std::span<std::int32_t> q_val
 
 void QNetwork::quantize_state(std::span<const std::uint16_t> state) {
   const auto stored = static_cast<std::size_t>(model_.tensors[0].stored_channels());
-  std::int8_t* input = tensor(0);
-  std::memset(input, 0, model_.tensors[0].bytes());
+  std::int16_t* input = tensor(0);
+  std::fill_n(input, model_.tensors[0].values(), std::int16_t{0});
   for (std::size_t c = 0; c < model_.input_channels; ++c) {
     const InputChannelView channel = model_.inputs[c];
     const std::uint16_t* values = state.data() + c * kPolicyGridSize;
@@ -60,24 +59,23 @@ void QNetwork::quantize_state(std::span<const std::uint16_t> state) {
     for (std::size_t i = 0; i < kPolicyGridSize; ++i) {
       const std::int32_t scaled =
           ((values[i] - channel.offset) * channel.multiplier + half) >> channel.shift;
-      input[i * stored + c] = static_cast<std::int8_t>(std::clamp<std::int32_t>(scaled, 0, 127));
+      input[i * stored + c] =
+          static_cast<std::int16_t>(std::clamp<std::int32_t>(scaled, 0, kMaxActivation));
     }
   }
 }
 
 void QNetwork::run_layer(const LayerView& layer) {
   const TensorView& in_shape = model_.tensors[layer.input_a];
-  const std::int8_t* in = tensor(layer.input_a);
+  const std::int16_t* in = tensor(layer.input_a);
   if (layer.raw) return kernels_->head(layer, in_shape, in, values_.data());
-  std::int8_t* out = tensor(layer.output);
+  std::int16_t* out = tensor(layer.output);
   switch (layer.kind) {
     case LayerKind::kConv3x3:
-    case LayerKind::kConv1x1:
-      return kernels_->convolve(layer, in_shape, in, out,
-                                arena_.data() + (model_.arena_bytes + 63) / 64 * 64);
+    case LayerKind::kConv1x1: return kernels_->convolve(layer, in_shape, in, out, scratch_.data());
     case LayerKind::kUpsample2x: return kernels_->upsample(in_shape, in, out);
     case LayerKind::kAdd:
-      return kernels_->add(layer, in_shape.bytes(), in, tensor(layer.input_b), out);
+      return kernels_->add(layer, in_shape.values(), in, tensor(layer.input_b), out);
   }
 }
 

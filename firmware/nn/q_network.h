@@ -41,7 +41,9 @@ class QNetwork final : public QFunction {
   const char* kernel_name() const { return kernels_->name; }
 
  private:
-  std::int8_t* tensor(std::size_t index) { return arena_.data() + model_.tensors[index].offset; }
+  std::int16_t* tensor(std::size_t index) {
+    return tensors_.data() + model_.tensors[index].offset / sizeof(std::int16_t);
+  }
   void quantize_state(std::span<const std::uint16_t> state);
   void run_layer(const LayerView& layer);
 
@@ -49,7 +51,8 @@ class QNetwork final : public QFunction {
   bool has_model_ = false;
   std::int32_t unit_ = 0;
   ModelView model_;
-  alignas(64) std::array<std::int8_t, kArenaBytes> arena_;
+  alignas(64) std::array<std::int16_t, kTensorMemoryBytes / sizeof(std::int16_t)> tensors_;
+  alignas(64) std::array<std::int16_t, kScratchBytes / sizeof(std::int16_t)> scratch_;
   std::array<std::int32_t, kPolicyGridSize> values_;
 };
 

@@ -78,37 +78,38 @@ TEST_P(QNetworkTest, RoundsHalvesUpAndClamps) {
   model.weight(4, 0, 0, 0) = 1;
   model.weight(4, 0, 0, 1) = 100;
   model.inputs[0] = {0, 2, 1};
-  set(0, 0, 0, 3);    // 3 / 2 -> 2;  (4 - 3) / 2 -> 1
-  set(0, 1, 0, 5);    // 5 / 2 -> 3;  (4 - 5) / 2 -> 0
-  set(0, 2, 0, 999);  // clamped to 127: 64;  ReLU: 0
+  set(0, 0, 0, 3);      // 3 / 2 -> 2;  (4 - 3) / 2 -> 1
+  set(0, 1, 0, 5);      // 5 / 2 -> 3;  (4 - 5) / 2 -> 0
+  set(0, 2, 0, 40000);  // clamped to 16383: 8192;  ReLU: 0
   const auto q = run(model);
   EXPECT_EQ(q[0], 2 + 100);
   EXPECT_EQ(q[1], 3);
-  EXPECT_EQ(q[2], 64);
+  EXPECT_EQ(q[2], 8192);
   EXPECT_EQ(q[3], 200);
 }
 
 TEST_P(QNetworkTest, ScalesBothOperandsOfAnAddition) {
   TestModel model;
-  model.layers[3].multiplier_a = 1 << 19;        // half of the upsampled one
-  model.layers[3].multiplier_b = 3 * (1 << 19);  // one and a half of the other
+  model.layers[3].shift = 14;
+  model.layers[3].multiplier_a = 1 << 13;        // half of the upsampled one
+  model.layers[3].multiplier_b = 3 * (1 << 13);  // one and a half of the other
   model.weight(0, 2, 4, 0) = 1;                  // the middle pixel of channel 0
   model.weight(2, 2, 0, 1) = 1;                  // channel 1
   model.weight(4, 0, 0, 2) = 1;
   model.inputs = {{0, 2, 1}, {0, 2, 1}};
   set(0, 4, 6, 10);  // half-grid cell (2, 3): grid cells (4..5, 6..7)
   set(1, 4, 6, 7);
-  set(1, 5, 7, 100);
+  set(1, 5, 7, 12000);
   const auto q = run(model);
   EXPECT_EQ(q[6 * 32 + 4], 16);  // 5 + 10.5 = 15.5
   EXPECT_EQ(q[6 * 32 + 5], 5);
-  EXPECT_EQ(q[7 * 32 + 5], 127);  // 5 + 150
+  EXPECT_EQ(q[7 * 32 + 5], kMaxActivation);  // 5 + 18000
   EXPECT_EQ(q[6 * 32 + 6], 0);
 }
 
 TEST_P(QNetworkTest, QuantizesItsInputs) {
   TestModel model;
-  model.inputs = {{20480, 9072, 21}, {16640, -8004, 20}};  // 127 / 28672 and -127 / 16640
+  model.inputs = {{20480, 9362, 14}, {16640, -16131, 14}};  // 16383 / 28672 and -16383 / 16640
   model.weight(2, 0, 0, 0) = 1;
   model.weight(2, 1, 0, 1) = 1;
   model.weight(4, 0, 0, 0) = 1;
@@ -120,10 +121,10 @@ TEST_P(QNetworkTest, QuantizesItsInputs) {
     set(1, x, 0, path[x]);
   }
   const auto q = run(model);
-  EXPECT_EQ(q[0], 0 + 127 * 127);
-  EXPECT_EQ(q[1], 124 + 2 * 127);  // blocked: 28672 * 9072 / 2^21 = 124.03; 1.95
-  EXPECT_EQ(q[2], 41);             // 9464 * 9072 / 2^21 = 40.94; out of reach
-  EXPECT_EQ(q[3], 0 + 64 * 127);   // clamped at 0; half way
+  EXPECT_EQ(q[0], 0 + 127 * 16383);
+  EXPECT_EQ(q[1], 16383 + 127 * 252);  // blocked: 28672 * 9362 / 2^14 = 16383.5; 252.1
+  EXPECT_EQ(q[2], 5408);               // 9464 * 9362 / 2^14 = 5407.8; out of reach
+  EXPECT_EQ(q[3], 0 + 127 * 8192);     // clamped at 0; half way
 }
 
 // Pseudo-random weights, the same on every machine.
@@ -138,7 +139,7 @@ TestModel make_noisy_model() {
     if (layer.shift == 30)
       for (auto& m : layer.multipliers) m = static_cast<std::int32_t>(next() * 32);
   }
-  model.inputs = {{20480, 9072, 21}, {16640, -8004, 20}};
+  model.inputs = {{20480, 9362, 14}, {16640, -16131, 14}};
   return model;
 }
 
@@ -152,7 +153,7 @@ TEST_P(QNetworkTest, AnswersTheSameBitsOnEveryMachine) {
       bytes.push_back(static_cast<std::uint8_t>(static_cast<std::uint32_t>(v) >> shift));
   // Pinned from the reference kernels on x86-64.
   EXPECT_GT(std::set<std::int32_t>(q.begin(), q.end()).size(), 500u);
-  EXPECT_EQ(crc32(bytes), 0xac411cffu);
+  EXPECT_EQ(crc32(bytes), 0x4aa63373u);
 }
 
 TEST_P(QNetworkTest, AnswersAsAQFunction) {

@@ -42,7 +42,7 @@ std::vector<std::uint8_t> TestModel::bytes() const {
   w.u8(input_channels);
   w.u8(grid);
   w.u16(0);
-  w.u32(arena_bytes);
+  w.u32(tensor_bytes);
   w.u32(output_scale_bits);
   w.u32(policy_cell_um);
   w.u32(0);

@@ -33,15 +33,15 @@ struct TestModel {
   TestModel() {
     constexpr std::uint32_t kOne = 0x3f800000;  // 1.0f
     tensors = {{32, 32, 2, 0, 0, kOne},
-               {16, 16, 16, 0, 4096, kOne},
-               {32, 32, 16, 0, 8192, kOne},
-               {32, 32, 16, 0, 24576, kOne},
-               {32, 32, 16, 0, 24576, kOne}};
+               {16, 16, 16, 0, 8192, kOne},
+               {32, 32, 16, 0, 16384, kOne},
+               {32, 32, 16, 0, 49152, kOne},
+               {32, 32, 16, 0, 49152, kOne}};
     constexpr std::uint8_t kNone = 0xff, kRelu = 1, kRaw = 2;
     layers = {convolution(0, 2, kRelu, 0, 16, 9, 4),
               {2, 1, 0, 0, 1, kNone, 0, 0, 0, 0, 0, 0, {}, {}, {}},
               convolution(1, 1, kRelu, 0, 16, 1, 4),
-              {3, 1, kRelu, 20, 2, 3, 0, 0, 1 << 20, 1 << 20, 0, 0, {}, {}, {}},
+              {3, 1, kRelu, 15, 2, 3, 0, 0, 1 << 15, 1 << 15, 0, 0, {}, {}, {}},
               convolution(1, 1, kRaw, 4, 1, 1, 16)};
     layers.back().shift = 0;
     layers.back().multipliers.assign(16, 0);
@@ -71,7 +71,7 @@ struct TestModel {
   static void fix_checksum(std::vector<std::uint8_t>& file);
 
   std::uint8_t state_kind = 0, value_kind = 0, input_channels = 2, grid = 32;
-  std::uint32_t arena_bytes = 40960, output_scale_bits = 0x3f800000, policy_cell_um = 400'000;
+  std::uint32_t tensor_bytes = 81920, output_scale_bits = 0x3f800000, policy_cell_um = 400'000;
   std::vector<char> name = {'t', 'e', 's', 't'};
   std::vector<Input> inputs = {{0, 1, 1}, {0, 1, 1}};
   std::vector<Tensor> tensors;

@@ -61,7 +61,8 @@ ActivationPlan plan_activations(const FloatNetwork& network) {
     const auto stored = static_cast<std::size_t>((shapes[t].channels + 3) / 4 * 4);
     const std::size_t pixels = shapes[t].size() / static_cast<std::size_t>(shapes[t].channels);
     place_of[t] = places.size();
-    places.push_back({align(static_cast<std::uint32_t>(pixels * stored)), first, last, 0});
+    const std::size_t bytes = pixels * stored * sizeof(std::int16_t);
+    places.push_back({align(static_cast<std::uint32_t>(bytes)), first, last, 0});
   }
   std::vector<std::size_t> order(places.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

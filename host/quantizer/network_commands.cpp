@@ -22,6 +22,7 @@ struct Options {
   std::string network;  // .fnet
   std::string model;    // .ivfm
   std::string onnx;
+  std::string rounded;  // .fnet
   int states = 0;
   std::uint64_t seed = 1;
   bool json = false;
@@ -33,7 +34,11 @@ int export_onnx(const Options& options) {
 }
 
 int quantize_network(const Options& options) {
-  const FloatNetwork network = load_network(options.network);
+  FloatNetwork network = load_network(options.network);
+  if (!options.rounded.empty()) {
+    round_weights(network);
+    save_network(network, options.rounded);
+  }
   FloatQFunction q(network);
   const RecordedStates recorded = record_states(q, options.states, options.seed);
   const std::vector<std::uint8_t> model = quantize(network, recorded.states);
@@ -95,11 +100,14 @@ void add_network_commands(CLI::App& app, CommandAction& action) {
         ->capture_default_str();
     command->add_option("--seed", options->seed, "of the episodes")->capture_default_str();
     if (run == compare_networks) command->add_flag("--json", options->json, "one JSON object");
+    if (run == quantize_network)
+      command->add_option("--rounded", options->rounded,
+                          "round the float network's weights to int8 first, and write it here");
     return command;
   };
   add("export", "Write a float network as ONNX", 0, export_onnx)
       ->footer("Example: ivfm-train export models/ivfm-unet18.fnet ivfm-unet18.onnx");
-  add("quantize", "Quantize a float network to the robot's int8 model file", 512, quantize_network)
+  add("quantize", "Quantize a float network to the robot's model file", 512, quantize_network)
       ->footer("Example: ivfm-train quantize out/train/best.fnet model.ivfm");
   add("compare", "How often the int8 network chooses as the float network does", 10'000,
       compare_networks)

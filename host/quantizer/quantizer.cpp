@@ -16,43 +16,8 @@ namespace {
 
 namespace format = model_format;
 
-constexpr int kBins = 2048;
-
-// How often the absolute values of a tensor fall into each of kBins equal parts of 0 .. maximum.
-struct Histogram {
-  float maximum = 0;
-  std::vector<double> counts = std::vector<double>(kBins, 0.0);
-};
-
-// The squared error over a histogram when values above `clip` are clipped to it.
-double squared_error(const Histogram& histogram, double clip) {
-  const double step = clip / 127, width = histogram.maximum / kBins;
-  double sum = 0;
-  for (int i = 0; i < kBins; ++i) {
-    const double value = (i + 0.5) * width;
-    const double error = value > clip ? value - clip : value - std::round(value / step) * step;
-    sum += histogram.counts[static_cast<std::size_t>(i)] * error * error;
-  }
-  return sum;
-}
-
-// The value that 127 stands for.
-double find_clip(const Histogram& histogram, Calibration calibration) {
-  if (histogram.maximum <= 0) return 1;
-  const double maximum = histogram.maximum;
-  double best_clip = maximum;
-  if (calibration == Calibration::kMaximum) return best_clip;
-  double best_error = squared_error(histogram, best_clip);
-  for (int percent = 99; percent >= 20; --percent) {
-    const double clip = maximum * percent / 100.0;
-    const double error = squared_error(histogram, clip);
-    if (error < best_error) {
-      best_error = error;
-      best_clip = clip;
-    }
-  }
-  return best_clip;
-}
+// Room above the largest value that the example states show.
+constexpr double kHeadroom = 1.5;
 
 // What the example states say about each tensor.
 struct Statistics {
@@ -60,48 +25,37 @@ struct Statistics {
   std::vector<std::vector<double>> means;  // per channel
 };
 
-// Adds the values of tensor `t` of the last run to its histogram or, first, to its maximum.
-void count_values(std::span<const float> values, bool counting, Histogram& histogram) {
-  for (const float v : values) {
-    const float size = std::abs(v);
-    if (!counting)
-      histogram.maximum = std::max(histogram.maximum, size);
-    else if (size > 0)  // zero is exact at every scale
-      histogram.counts[std::min<std::size_t>(
-          kBins - 1, static_cast<std::size_t>(size / histogram.maximum * kBins))] += 1;
-  }
-}
-
-// The input's scale is 1/127 by definition; doubling keeps the scale.
-Statistics find_statistics(const FloatNetwork& network, std::span<const std::uint16_t> states,
-                           Calibration calibration) {
+// The input's scale is 1 / kMaxActivation by definition; doubling keeps the scale.
+Statistics find_statistics(const FloatNetwork& network, std::span<const std::uint16_t> states) {
   const std::size_t state_size = network.inputs.size() * kPolicyGridSize;
   if (states.empty() || states.size() % state_size != 0)
     throw std::invalid_argument("no example states, or not of " + std::to_string(state_size) +
                                 " values each");
   const std::vector<Shape> shapes = network.shapes();
   FloatRunner runner(network);
-  std::vector<Histogram> histograms(shapes.size());
+  std::vector<float> largest(shapes.size(), 0.0f);
   Statistics result;
   for (const Shape& shape : shapes) result.means.emplace_back(shape.channels, 0.0);
-  for (const bool counting : {false, true})
-    for (std::size_t at = 0; at < states.size(); at += state_size) {
-      runner.run(states.subspan(at, state_size));
-      for (std::size_t t = 0; t < shapes.size(); ++t) {
-        const std::span<const float> values = runner.tensor(static_cast<int>(t));
-        count_values(values, counting, histograms[t]);
-        const std::size_t channels = result.means[t].size();
-        const double share = static_cast<double>(channels * state_size) /
-                             static_cast<double>(values.size() * states.size());
-        for (std::size_t i = 0; counting && i < values.size(); ++i)
-          result.means[t][i % channels] += share * static_cast<double>(values[i]);
+  for (std::size_t at = 0; at < states.size(); at += state_size) {
+    runner.run(states.subspan(at, state_size));
+    for (std::size_t t = 0; t < shapes.size(); ++t) {
+      const std::span<const float> values = runner.tensor(static_cast<int>(t));
+      const std::size_t channels = result.means[t].size();
+      const double share = static_cast<double>(channels * state_size) /
+                           static_cast<double>(values.size() * states.size());
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        largest[t] = std::max(largest[t], std::abs(values[i]));
+        result.means[t][i % channels] += share * static_cast<double>(values[i]);
       }
     }
-  result.scales.assign(shapes.size(), 1.0 / 127);
-  for (std::size_t i = 0; i < network.layers.size(); ++i)
+  }
+  result.scales.assign(shapes.size(), 1.0 / kMaxActivation);
+  for (std::size_t i = 0; i < network.layers.size(); ++i) {
+    const double range = largest[i + 1] > 0 ? kHeadroom * largest[i + 1] : 1.0;
     result.scales[i + 1] = network.layers[i].kind == LayerKind::kUpsample2x
                                ? result.scales[static_cast<std::size_t>(network.layers[i].input_a)]
-                               : find_clip(histograms[i + 1], calibration) / 127;
+                               : range / kMaxActivation;
+  }
   return result;
 }
 
@@ -154,22 +108,29 @@ struct EncodedLayer {
   std::vector<std::uint8_t> blob;
 };
 
-// The int8 weights of one output channel and what one accumulator step means.
-double weight_scale(const FloatLayer& layer, std::size_t output, double input_scale) {
+// The weights from all inputs to one output channel.
+std::span<const float> weights_of(const FloatLayer& layer, std::size_t output) {
   const std::size_t size = layer.weights.size() / static_cast<std::size_t>(layer.outputs);
+  return std::span(layer.weights).subspan(output * size, size);
+}
+
+// What one step of the int8 weights of an output channel means.
+double weight_scale(std::span<const float> weights) {
   double largest = 0;
-  for (std::size_t i = 0; i < size; ++i)
-    largest = std::max<double>(largest, std::abs(layer.weights[output * size + i]));
-  // A channel of tiny weights and a large bias: keep the bias within 2^24 accumulator steps.
-  const double for_bias = std::abs(layer.bias[output]) / (input_scale * 0x1p24);
-  return std::max({largest / 127, for_bias, 1e-12});
+  for (const float w : weights) largest = std::max<double>(largest, std::abs(w));
+  return std::max(largest / 127, 1e-12);
+}
+
+// The same where a channel has tiny weights and a large bias, which stays within 2^29 steps.
+double weight_scale(const FloatLayer& layer, std::size_t output, double input_scale) {
+  return std::max(weight_scale(weights_of(layer, output)),
+                  std::abs(layer.bias[output]) / (input_scale * 0x1p29));
 }
 
 class ModelWriter {
  public:
-  ModelWriter(const FloatNetwork& network, Statistics statistics, bool correct_bias)
+  ModelWriter(const FloatNetwork& network, Statistics statistics)
       : network_(network),
-        correct_bias_(correct_bias),
         shapes_(network.shapes()),
         scales_(std::move(statistics.scales)),
         means_(std::move(statistics.means)),
@@ -225,7 +186,8 @@ class ModelWriter {
   }
 
   static void write_input(ByteWriter& w, const InputChannel& input) {
-    const FixedPoint fixed = to_fixed_point({std::abs(input.scale) * 127.0}, 14, 30);
+    const FixedPoint fixed =
+        to_fixed_point({std::abs(input.scale) * double{kMaxActivation}}, 14, 30);
     const auto multiplier = static_cast<std::int32_t>(fixed.multipliers[0]);
     w.u32(static_cast<std::uint32_t>(std::lround(input.offset)));
     w.u32(static_cast<std::uint32_t>(input.scale < 0 ? -multiplier : multiplier));
@@ -254,7 +216,7 @@ class ModelWriter {
       const double out = scales_[index + 1];
       fixed = to_fixed_point({scales_[static_cast<std::size_t>(layer.input_a)] / out,
                               scales_[static_cast<std::size_t>(layer.input_b)] / out},
-                             22, 30);
+                             15, 30);
     }
     ByteWriter w;
     w.u8(static_cast<int>(layer.kind));
@@ -298,7 +260,7 @@ class ModelWriter {
           const long rounded = std::lround(weight / scale);
           weights[format::weight_index(static_cast<int>(o), t, c, taps, stored_inputs)] =
               static_cast<std::uint8_t>(rounded);
-          if (!correct_bias_) continue;
+          // What rounding the weights adds on average goes into the bias (Nagel et al. 2019).
           bias += (weight - static_cast<double>(rounded) * scale) * input_means[c];
         }
       w.u32(static_cast<std::uint32_t>(
@@ -316,7 +278,6 @@ class ModelWriter {
   }
 
   const FloatNetwork& network_;
-  bool correct_bias_;
   std::vector<Shape> shapes_;
   std::vector<double> scales_;
   std::vector<std::vector<double>> means_;
@@ -326,22 +287,24 @@ class ModelWriter {
 
 }  // namespace
 
-std::vector<double> activation_scales(const FloatNetwork& network,
-                                      std::span<const std::uint16_t> states,
-                                      const QuantizeOptions& options) {
-  return find_statistics(network, states, options.calibration).scales;
+void round_weights(FloatNetwork& network) {
+  for (FloatLayer& layer : network.layers)
+    for (std::size_t o = 0; o < static_cast<std::size_t>(layer.outputs); ++o) {
+      const std::span<const float> weights = weights_of(layer, o);
+      const double scale = weight_scale(weights);
+      const std::size_t first = o * weights.size();
+      for (std::size_t i = first; i < first + weights.size(); ++i)
+        layer.weights[i] = static_cast<float>(std::round(layer.weights[i] / scale) * scale);
+    }
 }
 
 std::vector<std::uint8_t> quantize(const FloatNetwork& network,
-                                   std::span<const std::uint16_t> states,
-                                   const QuantizeOptions& options) {
+                                   std::span<const std::uint16_t> states) {
   if (network.layers.size() > kMaxLayers)
     throw std::runtime_error("more than " + std::to_string(kMaxLayers) + " layers");
   if (network.name.size() >= kMaxNameBytes)
     throw std::invalid_argument("the name is longer than " + std::to_string(kMaxNameBytes - 1));
-  ModelWriter writer(network, find_statistics(network, states, options.calibration),
-                     options.correct_bias);
-  std::vector<std::uint8_t> file = writer.write();
+  std::vector<std::uint8_t> file = ModelWriter(network, find_statistics(network, states)).write();
   ModelView model;
   if (const ModelStatus status = load_model(file, model); !ok(status.status))
     throw std::runtime_error(std::string("the firmware would refuse the model: ") + status.reason);

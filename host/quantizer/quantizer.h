@@ -11,32 +11,17 @@
 
 namespace ivfm::host {
 
-// How an activation's scale follows from its values over the example states.
-enum class Calibration {
-  kLeastSquares,  // the clipping that minimizes the squared rounding and clipping error
-  kMaximum,       // nothing is clipped
-};
-
-struct QuantizeOptions {
-  Calibration calibration = Calibration::kLeastSquares;
-  // What rounding the weights adds on average goes into the biases (Nagel et al. 2019). Not for
-  // networks that were trained to round: they have learned biases that fit.
-  bool correct_bias = true;
-};
-
-// Quantizes to int8: weights symmetric per output channel, activations symmetric per tensor.
+// Quantizes: weights to int8, symmetric per output channel; activations to 14 bits, symmetric per
+// tensor, with room for half as much again as the largest value in `states`.
 // `states`: example states one after the other (each: channels * 1024 values), a few hundred of the
 // kind that the network will meet. Throws std::invalid_argument when the network or the states do
 // not fit, and std::runtime_error with the limit that the model would exceed.
 std::vector<std::uint8_t> quantize(const FloatNetwork& network,
-                                   std::span<const std::uint16_t> states,
-                                   const QuantizeOptions& options = {});
+                                   std::span<const std::uint16_t> states);
 
-// What one step of each int8 tensor means when quantize() is given the same arguments; tensor 0 is
-// the input. Throws std::invalid_argument as quantize().
-std::vector<double> activation_scales(const FloatNetwork& network,
-                                      std::span<const std::uint16_t> states,
-                                      const QuantizeOptions& options = {});
+// Rounds the weights to the int8 steps that quantize() gives them: the float network that the robot
+// has, but for its activations. Networks learn with their weights rounded so (see the trainer).
+void round_weights(FloatNetwork& network);
 
 // How close a model file comes to its float network on some states.
 struct QuantizationReport {

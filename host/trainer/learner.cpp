@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "host/environment/parallel.h"
+#include "host/quantizer/quantizer.h"
 #include "host/trainer/symmetry.h"
 
 namespace ivfm::host {
@@ -147,10 +148,10 @@ std::vector<int> Learner::best_actions(std::span<const Observation* const> obser
   return best;
 }
 
-void Learner::quantize(const std::vector<double>& activation_scales) {
-  arithmetic_ = Arithmetic::kQuantized;
-  online_->set_activation_scales(activation_scales);
-  target_->set_activation_scales(activation_scales);
+FloatNetwork Learner::to_float_network() const {
+  FloatNetwork network = target_->to_float_network();
+  if (arithmetic_ == Arithmetic::kQuantized) host::round_weights(network);
+  return network;
 }
 
 void Learner::set_learning_rate(double rate) {

@@ -32,15 +32,16 @@ class Learner {
   // The best reachable action of each observation by the target network; -1 where none is.
   std::vector<int> best_actions(std::span<const Observation* const> observations);
 
-  // From now on the network learns, and answers, as its int8 copy would with these scales
-  // (quantization-aware training, Jacob et al. 2018).
-  void quantize(const std::vector<double>& activation_scales);
+  // From now on the network learns, answers and is given away with its weights rounded to int8 as
+  // on board (quantization-aware training, Jacob et al. 2018). Activations have 14 bits there,
+  // which no training is needed for.
+  void round_weights() { arithmetic_ = Arithmetic::kQuantized; }
 
   void set_learning_rate(double rate);
   void copy_to_target() { target_->follow(*online_, 1.0); }
   void load_weights(const FloatNetwork& network);
   // The target network.
-  FloatNetwork to_float_network() const { return target_->to_float_network(); }
+  FloatNetwork to_float_network() const;
   torch::Device device() const { return device_; }
 
   // Weights of both networks and the optimizer's moments.

@@ -97,8 +97,7 @@ TEST_P(EachArithmetic, LearnsTheLabels) {
   config.bfloat16 = GetParam() == Arithmetic::kBfloat16;
   const FloatNetwork network = small_network(2);
   Learner learner(network, config);
-  if (GetParam() == Arithmetic::kQuantized)
-    learner.quantize(std::vector<double>(network.layers.size() + 1, 1.0 / 64));
+  if (GetParam() == Arithmetic::kQuantized) learner.round_weights();
   double first = 0, last = 0;
   for (int i = 0; i < 200; ++i) {
     const double loss = learner.learn(labels, random);
@@ -116,13 +115,13 @@ INSTANTIATE_TEST_SUITE_P(Learner, EachArithmetic,
 TEST(TorchNetwork, RoundsAsTheInt8Network) {
   const FloatNetwork network = small_network(7);  // deep ones amplify last bits
   const std::vector<std::uint16_t> states = make_example_states(1, 40);
-  const std::vector<std::uint8_t> model = quantize(network, states, {.correct_bias = false});
-  const auto int8 = std::make_unique<QNetwork>();
-  ASSERT_EQ(int8->load(model).status, Status::kOk);
   LearnerConfig config;
   config.bfloat16 = false;
   Learner exact(network, config), rounding(network, config);
-  rounding.quantize(activation_scales(network, states));
+  rounding.round_weights();
+  const std::vector<std::uint8_t> model = quantize(rounding.to_float_network(), states);
+  const auto int8 = std::make_unique<QNetwork>();
+  ASSERT_EQ(int8->load(model).status, Status::kOk);
   const double scale = std::bit_cast<float>(int8->model().output_scale_f32_bits);
   double float_error = 0, rounded_error = 0;
   for (std::size_t n = 0; n < 40; ++n) {

@@ -43,10 +43,9 @@ TorchNetwork::TorchNetwork(const FloatNetwork& network)
 }
 
 torch::Tensor TorchNetwork::forward(const torch::Tensor& states, Arithmetic arithmetic) {
-  const bool quantized = arithmetic == Arithmetic::kQuantized;
   const auto upsampling =
       torch::nn::functional::InterpolateFuncOptions().scale_factor(std::vector<double>{2.0, 2.0});
-  std::vector<torch::Tensor> tensors = {quantized ? rounded(0, states, false) : states};
+  std::vector<torch::Tensor> tensors = {states};
   for (std::size_t i = 0; i < network_.layers.size(); ++i) {
     const FloatLayer& layer = network_.layers[i];
     const bool is_head = i + 1 == network_.layers.size();
@@ -61,8 +60,6 @@ torch::Tensor TorchNetwork::forward(const torch::Tensor& states, Arithmetic arit
       out = a + tensors[static_cast<std::size_t>(layer.input_b)];
     }
     if (layer.relu) out = torch::relu(out);
-    if (quantized && !is_head && layer.kind != LayerKind::kUpsample2x)
-      out = rounded(i + 1, out, !layer.relu);
     tensors.push_back(out);
   }
   return tensors.back().flatten(1);
@@ -87,14 +84,6 @@ torch::Tensor TorchNetwork::convolve(std::size_t layer, const torch::Tensor& inp
   const torch::Tensor scale = weight.detach().abs().amax({1, 2, 3}, true).clamp_min(1e-12) / 127;
   const torch::Tensor steps = torch::round(weight.detach() / scale) * scale;
   return run(input, weight + (steps - weight.detach()), convolution->bias);
-}
-
-// Rounds to the tensor's int8 steps; gradients pass as if it had only been clipped.
-torch::Tensor TorchNetwork::rounded(std::size_t tensor, const torch::Tensor& values,
-                                    bool is_signed) const {
-  const double step = scales_.at(tensor);
-  const torch::Tensor clipped = values.clamp(is_signed ? -127 * step : 0, 127 * step);
-  return clipped + (torch::round(clipped.detach() / step) * step - clipped.detach());
 }
 
 torch::Tensor TorchNetwork::to_tensor(std::span<const State* const> states) const {

@@ -15,7 +15,7 @@ namespace ivfm::host {
 enum class Arithmetic : std::uint8_t {
   kFloat,      // 32 bits
   kBfloat16,   // 16 bits, but for the head
-  kQuantized,  // as the int8 network on board rounds, with straight-through gradients
+  kQuantized,  // weights rounded to int8 as on board, with straight-through gradients
 };
 
 class TorchNetwork : public torch::nn::Module {
@@ -24,11 +24,7 @@ class TorchNetwork : public torch::nn::Module {
   explicit TorchNetwork(const FloatNetwork& network);
 
   // `states`: N x channels x 32 x 32 in [0, 1], see to_tensor(). Answers N x 1024 values.
-  // kQuantized needs set_activation_scales() before.
   torch::Tensor forward(const torch::Tensor& states, Arithmetic arithmetic = Arithmetic::kFloat);
-
-  // What one step of each int8 tensor means, as the quantizer finds it (activation_scales()).
-  void set_activation_scales(std::vector<double> scales) { scales_ = std::move(scales); }
 
   // The scaled inputs of `states`, on the CPU: N x channels x 32 x 32.
   torch::Tensor to_tensor(std::span<const State* const> states) const;
@@ -41,12 +37,10 @@ class TorchNetwork : public torch::nn::Module {
 
  private:
   torch::Tensor convolve(std::size_t layer, const torch::Tensor& input, Arithmetic arithmetic);
-  torch::Tensor rounded(std::size_t tensor, const torch::Tensor& values, bool is_signed) const;
 
   FloatNetwork network_;                           // topology; its weights are not current
   std::vector<torch::nn::Conv2d> convolutions_;    // one a convolution layer
   std::vector<std::size_t> convolution_of_layer_;  // index into convolutions_
-  std::vector<double> scales_;                     // one a tensor
 };
 
 }  // namespace ivfm::host

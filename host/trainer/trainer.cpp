@@ -21,8 +21,6 @@ namespace {
 constexpr double kEmpty = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNoScore = -1e9;
 constexpr int kCalibrationStates = 512;
-constexpr int kScaleStates = 128;    // for the scales of quantization-aware training ...
-constexpr int kScaleSteps = 500;     // ... which are found anew so often
 constexpr int kEvaluationCap = 150;  // actions per agent
 
 FloatNetwork first_network(const TrainerConfig& config) {
@@ -115,15 +113,12 @@ void Trainer::begin_phase(const std::atomic<bool>& stop) {
     labels_.clear();
     fill(first_states(config_), stop);
   }
-  const bool renew_scales = (config_.steps - step_) % kScaleSteps == 0 ||
-                            step_ == config_.steps - config_.quantized_steps || !scaled_;
-  if (!is_quantized() || !renew_scales) return;
+  if (!is_quantized()) return;
   if (step_ == config_.steps - config_.quantized_steps) {
-    report_("from here on the network rounds as in int8");
+    report_("from here on the weights are rounded to int8");
     best_score_ = kNoScore;
   }
-  learner_->quantize(activation_scales(learner_->to_float_network(), example_states(kScaleStates)));
-  scaled_ = true;
+  learner_->round_weights();
 }
 
 void Trainer::fill(std::size_t states, const std::atomic<bool>& stop) {
@@ -275,8 +270,7 @@ void Trainer::export_model() {
   const FloatNetwork network = load_network(path(has_best ? "best.fnet" : "last.fnet"));
   learner_->load_weights(network);
   const std::vector<std::uint16_t> examples = example_states(kCalibrationStates);
-  const std::vector<std::uint8_t> model =
-      quantize(network, examples, {.correct_bias = config_.quantized_steps == 0});
+  const std::vector<std::uint8_t> model = quantize(network, examples);
   const QuantizationReport report = compare(network, model, examples);
   write_atomically(path("model.ivfm"), [&](const std::string& temporary) {
     std::ofstream out(temporary, std::ios::binary);

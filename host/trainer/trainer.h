@@ -69,7 +69,6 @@ class Trainer {
   long step_ = 0;
   double owed_states_ = 0;  // to be collected before the next step
   double best_score_ = -1e9;
-  bool scaled_ = false;  // the network knows the scales to round with
   double loss_sum_ = 0;
   int losses_ = 0;
   long saved_step_ = -1;  // step of the checkpoint on disk

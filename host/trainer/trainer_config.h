@@ -53,7 +53,7 @@ struct TrainerConfig {
 
   int steps = 20'000;
   int one_move_steps = 0;   // at the start: goals are worth their own reward only
-  int quantized_steps = 0;  // at the end: as the int8 network rounds
+  int quantized_steps = 0;  // at the end: with weights rounded to int8
 
   int environments = 16;
   int labels = 24;                    // goals tried in every state
@@ -90,7 +90,7 @@ void visit_options(Config& c, Visit&& visit) {
   visit("run.fresh", c.fresh, "start anew even when the folder holds a checkpoint");
   visit("run.steps", c.steps, "steps of learning in all");
   visit("run.one_move_steps", c.one_move_steps, "first of them, with goals worth their own reward");
-  visit("run.quantized_steps", c.quantized_steps, "last of them, rounding as the int8 network");
+  visit("run.quantized_steps", c.quantized_steps, "last of them, with weights rounded to int8");
   visit("run.report_every", c.report_every, "steps between rows of the curves");
   visit("run.evaluate_every", c.evaluate_every, "steps between evaluations");
   visit("run.evaluation_episodes", c.evaluation_episodes, "episodes of an evaluation");
