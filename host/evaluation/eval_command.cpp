@@ -274,7 +274,7 @@ void add_eval_command(CLI::App& app, CommandAction& action) {
                     "and the number of agents follow from the table");
   command
       ->add_option("--compared-episodes", options->compared_episodes,
-                   "--paper: of the paired comparison; 0: none")
+                   "--paper: of the paired comparison, a tenth in buildings; 0: none")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
   command->add_option("--markdown", options->markdown,

@@ -8,8 +8,14 @@ namespace ivfm::host {
 
 namespace {
 
-// Worlds of the paired comparison: the arenas and generated buildings.
-constexpr std::array<const char*, 4> kComparedWorlds = {"1x", "divider", "2x", "building"};
+// Worlds of the paired comparison: the arenas, and generated buildings, of which each one takes as
+// long as dozens of arenas.
+struct ComparedWorld {
+  const char* name;
+  int share;  // one of so many of the episodes
+};
+constexpr std::array<ComparedWorld, 4> kComparedWorlds = {
+    {{"1x", 1}, {"divider", 1}, {"2x", 1}, {"building", 10}}};
 
 // A figure of the tables that the paper has too.
 struct Figure {
@@ -146,11 +152,10 @@ EvaluationRequest request_for(const PaperRequest& paper, const std::string& worl
 PaperOutcome evaluate_paper(const PaperRequest& request, EpisodeStore& store, ProcessGroup& group,
                             const std::function<void(int, int)>& progress) {
   const auto settings = paper_settings();
-  const bool compares = request.compared_episodes > 0;
-  const int worlds = compares ? static_cast<int>(kComparedWorlds.size()) : 0;
-  const int wanted =
-      static_cast<int>(request.contestants.size()) *
-      (static_cast<int>(settings.size()) * request.episodes + worlds * request.compared_episodes);
+  int each_plays = static_cast<int>(settings.size()) * request.episodes;
+  for (const ComparedWorld& world : kComparedWorlds)
+    each_plays += request.compared_episodes / world.share;
+  const int wanted = static_cast<int>(request.contestants.size()) * each_plays;
   int finished = 0;
   const auto play = [&](const std::string& world, int agents, int episodes) {
     std::vector<Outcome> outcomes;
@@ -168,9 +173,9 @@ PaperOutcome evaluate_paper(const PaperRequest& request, EpisodeStore& store, Pr
   for (const PaperSetting& setting : settings) {
     outcome.settings.push_back({&setting, play(setting.world, setting.agents, request.episodes)});
   }
-  for (int i = 0; i < worlds; ++i) {
-    const char* world = kComparedWorlds[static_cast<std::size_t>(i)];
-    outcome.compared.push_back({world, play(world, 1, request.compared_episodes)});
+  for (const ComparedWorld& world : kComparedWorlds) {
+    const int each = request.compared_episodes / world.share;
+    if (each > 0) outcome.compared.push_back({world.name, play(world.name, 1, each)});
   }
   return group.is_first() ? outcome : PaperOutcome();
 }

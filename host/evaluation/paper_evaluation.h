@@ -14,7 +14,7 @@ namespace ivfm::host {
 struct PaperRequest {
   std::vector<Contestant> contestants;  // the first is the one that is judged
   int episodes = kPaperEpisodes;        // a row
-  int compared_episodes = 1'000;        // of the paired comparison, one agent; 0: none
+  int compared_episodes = 1'000;        // of the paired comparison, one agent, a tenth in buildings
   std::uint64_t seed = 1;
   int threads = 1;
 };
