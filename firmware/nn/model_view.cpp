@@ -48,7 +48,8 @@ class Loader {
     if (file_.size() < format::kHeaderBytes)
       return {Status::kTruncated, "the file is shorter than a model's header"};
     if (read_u32(at(0)) != format::kMagic) return unsupported("not a model file");
-    if (read_u16(at(4)) != format::kVersion) return unsupported("unknown model file version");
+    if (read_u16(at(4)) != format::kVersion)
+      return unsupported("a model file of another version; ivfm-train quantize writes this one");
     if (read_u16(at(6)) != format::kHeaderBytes) return corrupt("wrong header size");
     const std::uint32_t size = read_u32(at(8));
     if (size > kMaxModelBytes) return exceeds("the model file is too large");

@@ -90,7 +90,7 @@ struct ByteFault {
 TEST(LoadModel, NamesTheFaultOfEachHeaderField) {
   const ByteFault kFaults[] = {
       {0, 'X', "not a model file"},
-      {4, 1, "unknown model file version"},
+      {4, 1, "a model file of another version; ivfm-train quantize writes this one"},
       {6, 64, "wrong header size"},
       {10, 8, "the model file is too large"},
       {16, 0, "no layers, or more than this build holds"},

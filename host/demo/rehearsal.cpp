@@ -136,7 +136,7 @@ class Rehearsal {
   RehearsalResult run() {
     const auto limit_us = kBeginUs + static_cast<TimeUs>(options_.time_limit_s * 1e6);
     TimeUs now_us = kBeginUs;
-    while (now_us < limit_us && !result_.goal_reached && !all_are_idle()) {
+    while (now_us < limit_us && !result_.goal_reached && !all_are_idle() && !is_interrupted()) {
       now_us += kTickUs;
       tick(now_us);
       if (now_us % kJudgePeriodUs == 0) judge(now_us);
@@ -159,6 +159,8 @@ class Rehearsal {
     }
     if (now_us % kRadioPeriodUs == 0) team_.exchange(now_us);
   }
+
+  bool is_interrupted() const { return options_.interrupted != nullptr && *options_.interrupted; }
 
   bool all_are_idle() const {
     return std::ranges::all_of(

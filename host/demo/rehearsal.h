@@ -3,6 +3,7 @@
 // time.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <vector>
 
@@ -22,6 +23,7 @@ struct RehearsalOptions {
   bool unknown_starts = false;      // all robots but the first know nothing of where they start
   double until = 0.5;               // share of the explorable cells
   double time_limit_s = 900;        // simulated
+  const std::atomic<bool>* interrupted = nullptr;  // ends the run, whose result means nothing then
 };
 
 // A robot that did not know its start and has become part of the team.

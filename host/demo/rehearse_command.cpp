@@ -122,7 +122,8 @@ int rehearse_all(CommandOptions& options) {
                                              ? LocalizationChoice::kMatching
                                              : LocalizationChoice::kOdometry;
   options.rehearsal.model =
-      read_model_file(options.model.empty() ? shipped_model(".ivfm") : options.model);
+      read_robot_model(options.model.empty() ? shipped_model(".ivfm") : options.model);
+  options.rehearsal.interrupted = &g_interrupted;
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
   const auto count = static_cast<std::size_t>(options.episodes);

@@ -83,12 +83,13 @@ void receive_all(UdpListener& listener, MapServer& server, TimeUs now_us) {
   }
 }
 
+// For the page's Q map; empty: there is none.
 std::string model_of(const ServeOptions& options) {
   if (!options.model.empty()) return options.model;
   try {
     return shipped_model(".ivfm").string();
   } catch (const std::runtime_error&) {
-    return {};  // a page without a Q map
+    return {};
   }
 }
 

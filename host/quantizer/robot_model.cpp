@@ -2,6 +2,7 @@
 
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <stdexcept>
 
 namespace ivfm::host {
@@ -11,6 +12,10 @@ std::vector<std::uint8_t> read_model_file(const std::filesystem::path& path) {
   std::vector<char> bytes((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   if (!in) throw std::runtime_error("cannot read the model " + path.string());
   return {bytes.begin(), bytes.end()};
+}
+
+std::vector<std::uint8_t> read_robot_model(const std::filesystem::path& path) {
+  return std::make_unique<RobotModel>(path)->bytes();
 }
 
 RobotModel::RobotModel(const std::filesystem::path& path) : bytes_(read_model_file(path)) {

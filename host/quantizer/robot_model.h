@@ -11,6 +11,8 @@ namespace ivfm::host {
 
 // Reads a whole file. Throws std::runtime_error with the path.
 std::vector<std::uint8_t> read_model_file(const std::filesystem::path& path);
+// The same for a file that RobotModel takes; throws as that does.
+std::vector<std::uint8_t> read_robot_model(const std::filesystem::path& path);
 
 // The Q-network of a model file, and the bytes that it points into. Stays where it was made.
 class RobotModel {
@@ -22,6 +24,7 @@ class RobotModel {
   RobotModel& operator=(const RobotModel&) = delete;
 
   QNetwork& network() { return network_; }
+  const std::vector<std::uint8_t>& bytes() const { return bytes_; }
 
  private:
   std::vector<std::uint8_t> bytes_;
