@@ -9,13 +9,31 @@ namespace ivfm::host {
 namespace {
 
 // Worlds of the paired comparison: the arenas, and generated buildings, of which each one takes as
-// long as dozens of arenas.
+// long as dozens of arenas. At random a robot sees no building in thousands of actions.
 struct ComparedWorld {
   const char* name;
   int share;  // one of so many of the episodes
+  bool with_random;
 };
 constexpr std::array<ComparedWorld, 4> kComparedWorlds = {
-    {{"1x", 1}, {"divider", 1}, {"2x", 1}, {"building", 10}}};
+    {{"1x", 1, true}, {"divider", 1, true}, {"2x", 1, true}, {"building", 10, false}}};
+
+// Episodes of one world that all its contestants play.
+struct Part {
+  std::string world;
+  int agents = 1;
+  int episodes = 0;
+  std::vector<Contestant> contestants;
+
+  int plays() const { return episodes * static_cast<int>(contestants.size()); }
+};
+
+Part compared_part(const ComparedWorld& world, const PaperRequest& request) {
+  Part part{world.name, 1, request.compared_episodes / world.share, request.contestants};
+  if (!world.with_random)
+    std::erase_if(part.contestants, [](const Contestant& c) { return c.policy == "random"; });
+  return part;
+}
 
 // A figure of the tables that the paper has too.
 struct Figure {
@@ -152,30 +170,33 @@ EvaluationRequest request_for(const PaperRequest& paper, const std::string& worl
 PaperOutcome evaluate_paper(const PaperRequest& request, EpisodeStore& store, ProcessGroup& group,
                             const std::function<void(int, int)>& progress) {
   const auto settings = paper_settings();
-  int each_plays = static_cast<int>(settings.size()) * request.episodes;
-  for (const ComparedWorld& world : kComparedWorlds)
-    each_plays += request.compared_episodes / world.share;
-  const int wanted = static_cast<int>(request.contestants.size()) * each_plays;
-  int finished = 0;
-  const auto play = [&](const std::string& world, int agents, int episodes) {
+  std::vector<Part> parts;
+  for (const PaperSetting& setting : settings)
+    parts.push_back({setting.world, setting.agents, request.episodes, request.contestants});
+  if (request.compared_episodes > 0)
+    for (const ComparedWorld& world : kComparedWorlds)
+      parts.push_back(compared_part(world, request));
+  int wanted = 0, finished = 0;
+  for (const Part& part : parts) wanted += part.plays();
+  const auto play = [&](const Part& part) {
     std::vector<Outcome> outcomes;
-    for (const Contestant& contestant : request.contestants) {
-      const EvaluationRequest row = request_for(request, world, agents, contestant, episodes);
+    for (const Contestant& contestant : part.contestants) {
+      const EvaluationRequest row =
+          request_for(request, part.world, part.agents, contestant, part.episodes);
       const auto report = [&](int done) {
         if (progress) progress(finished + done, wanted);
       };
       outcomes.push_back({contestant, evaluate(row, store, group, report)});
-      finished += episodes;
+      finished += part.episodes;
     }
     return outcomes;
   };
   PaperOutcome outcome;
-  for (const PaperSetting& setting : settings) {
-    outcome.settings.push_back({&setting, play(setting.world, setting.agents, request.episodes)});
-  }
-  for (const ComparedWorld& world : kComparedWorlds) {
-    const int each = request.compared_episodes / world.share;
-    if (each > 0) outcome.compared.push_back({world.name, play(world.name, 1, each)});
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (i < settings.size())
+      outcome.settings.push_back({&settings[i], play(parts[i])});
+    else if (parts[i].episodes > 0)
+      outcome.compared.push_back({parts[i].world, play(parts[i])});
   }
   return group.is_first() ? outcome : PaperOutcome();
 }
