@@ -15,7 +15,7 @@
 namespace ivfm {
 
 struct MatcherConfig {
-  std::int32_t range_um = 8'000'000;  // points farther away are left out
+  std::int32_t range_um = 11'500'000;  // points farther away are left out
   std::int32_t search_um =
       200'000;  // how far the prediction may be off along each axis, at most 4 cells
   std::uint16_t search_angle = 1456;   // and in heading, binary angle units (8 degrees)

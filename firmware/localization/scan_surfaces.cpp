@@ -10,11 +10,6 @@ namespace ivfm {
 
 namespace {
 
-Point end_of(const ScanPoint& beam) {
-  const std::int32_t range_um = std::int32_t{beam.range_mm} * 1000;
-  return {scale_q30(range_um, cos_q30(beam.bearing)), scale_q30(range_um, sin_q30(beam.bearing))};
-}
-
 // Sums over the points around a sample, in millimetres relative to it.
 struct Spread {
   std::int64_t n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
@@ -80,15 +75,25 @@ void fit_line(const Spread& s, std::int32_t range_mm, SurfaceSample& sample) {
 
 }  // namespace
 
+Point end_of(const ScanPoint& beam) {
+  const std::int32_t range_um = std::int32_t{beam.range_mm} * 1000;
+  return {scale_q30(range_um, cos_q30(beam.bearing)), scale_q30(range_um, sin_q30(beam.bearing))};
+}
+
 void ScanSurfaces::take(const Scan& scan, std::int32_t range_um, std::int32_t spacing_um) {
   std::int32_t spacing = spacing_um;
+  backwards_ = !backwards_;
   while (!pick(scan, range_um, spacing)) spacing += spacing_um / 2;
   const auto beams = scan.points();
   for (std::size_t i = 0; i < size_; ++i) {
     SurfaceSample& sample = samples_[i];
     const std::int32_t range_mm = beams[sample.beam].range_mm;
+    // Where noise hides which way a short piece faces, a longer one shows it.
+    const Point middle{sample.x_um, sample.y_um};
     const std::int32_t reach_um = 100'000 + range_mm * 20;
-    fit_line(gather(beams, sample.beam, {sample.x_um, sample.y_um}, reach_um), range_mm, sample);
+    fit_line(gather(beams, sample.beam, middle, reach_um), range_mm, sample);
+    if (!sample.is_flat())
+      fit_line(gather(beams, sample.beam, middle, reach_um * 2), range_mm, sample);
     // Variances: 1 cm at the robot, 0.5 % of the range.
     const std::int64_t far2 = squared_distance_um2({}, {0, range_mm * 5});
     sample.weight_q8 =
@@ -101,7 +106,8 @@ bool ScanSurfaces::pick(const Scan& scan, std::int32_t range_um, std::int32_t sp
   const std::int64_t spacing2 = std::int64_t{spacing_um} * spacing_um;
   size_ = 0;
   for (std::size_t i = 0; i < scan.size; ++i) {
-    const ScanPoint& beam = scan.storage[i];
+    const std::size_t at = backwards_ ? scan.size - 1 - i : i;
+    const ScanPoint& beam = scan.storage[at];
     if (beam.echo != Echo::kHit || std::int32_t{beam.range_mm} * 1000 > range_um) continue;
     const Point p = end_of(beam);
     if (size_ > 0) {
@@ -109,8 +115,10 @@ bool ScanSurfaces::pick(const Scan& scan, std::int32_t range_um, std::int32_t sp
       if (squared_distance_um2(p, {last.x_um, last.y_um}) < spacing2) continue;
     }
     if (size_ == kMaxSamples) return false;
-    samples_[size_++] = {p.x_um, p.y_um, 0, 0, 0, static_cast<std::uint16_t>(i)};
+    samples_[size_++] = {p.x_um, p.y_um, 0, 0, 0, static_cast<std::uint16_t>(at)};
   }
+  if (backwards_)
+    std::reverse(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(size_));
   return true;
 }
 

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "firmware/lidar/scan.h"
+#include "shared/geometry/pose.h"
 
 namespace ivfm {
 
@@ -22,12 +23,17 @@ struct SurfaceSample {
   bool is_flat() const { return normal_x != 0 || normal_y != 0; }
 };
 
+// Of a beam that hit something, in the robot's frame.
+Point end_of(const ScanPoint& beam);
+
 class ScanSurfaces {
  public:
   static constexpr std::size_t kMaxSamples = 192;
 
   // Takes the hits of a scan (corrected for motion) within `range_um`. Samples lie `spacing_um`
-  // apart, so that near walls do not outvote far ones; wider when there would be too many.
+  // apart, so that near walls do not outvote far ones; wider when there would be too many. Where a
+  // surface begins there is always one, where it ends rarely: so every other scan is gone through
+  // backwards, or the heading would slowly turn with the lidar.
   void take(const Scan& scan, std::int32_t range_um, std::int32_t spacing_um);
   std::span<const SurfaceSample> samples() const { return {samples_.data(), size_}; }
 
@@ -36,6 +42,7 @@ class ScanSurfaces {
 
   std::array<SurfaceSample, kMaxSamples> samples_{};
   std::size_t size_ = 0;
+  bool backwards_ = false;
 };
 
 }  // namespace ivfm

@@ -19,6 +19,14 @@ bool faces_alike(std::uint8_t a, std::uint8_t b) {
   return apart <= 64 || apart >= 192;
 }
 
+// The nearer to a hit of the samples before and after it, in the order of the beams.
+const SurfaceSample& nearer(const SurfaceSample& before, const SurfaceSample& after, Point hit) {
+  const auto far = [hit](const SurfaceSample& s) {
+    return squared_distance_um2(hit, {s.x_um, s.y_um});
+  };
+  return far(after) < far(before) ? after : before;
+}
+
 // Running mean.
 void move_mean(std::int16_t& mean, std::int32_t sample, std::int32_t weight, std::int32_t total) {
   mean = static_cast<std::int16_t>(mean + (sample - mean) * weight / total);
@@ -71,20 +79,18 @@ void SurfaceMap::learn(const ExplorationMap& map, const Pose& pose, const Scan& 
   const GridFrame& frame = map.frame();
   const Cell robot = frame.cell_at(pose.position);
   const auto samples = surfaces.samples();
-  std::size_t next = 0;
-  bool flat = false;
-  std::uint8_t facing = 0;
+  std::size_t after = 0;  // the first sample behind a beam
   for (std::size_t i = 0; i < scan.size; ++i) {
     const ScanPoint& point = scan.storage[i];
-    // A hit faces as the sample before it does.
-    if (next < samples.size() && samples[next].beam == i) {
-      const SurfaceSample& s = samples[next++];
-      flat = s.is_flat();
-      facing = static_cast<std::uint8_t>(
-          (pose.heading + atan2_binary(s.normal_y, s.normal_x)).raw() >> 8);
-    }
+    while (after < samples.size() && samples[after].beam <= i) ++after;
     const std::int32_t reach_um = std::int32_t{point.range_mm} * 1000;
-    if (point.echo != Echo::kHit || reach_um > range_um || !flat) continue;
+    if (point.echo != Echo::kHit || reach_um > range_um || after == 0) continue;
+    // A hit faces as the nearest sample does.
+    const SurfaceSample& sample =
+        nearer(samples[after - 1], samples[std::min(after, samples.size() - 1)], end_of(point));
+    if (!sample.is_flat()) continue;
+    const auto facing = static_cast<std::uint8_t>(
+        (pose.heading + atan2_binary(sample.normal_y, sample.normal_x)).raw() >> 8);
     const BinaryAngle direction = pose.heading + point.bearing;
     const std::int32_t c = cos_q30(direction), s = sin_q30(direction);
     const Point p{pose.position.x_um + scale_q30(reach_um, c),

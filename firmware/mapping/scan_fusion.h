@@ -33,6 +33,10 @@ struct VisitFootprint {
   }
 };
 
+// A lidar's hits farther away are not mapped: its noise (1 % of the range with an RPLIDAR A1)
+// exceeds a cell, and walls would become thick.
+inline constexpr std::int32_t kLidarMappingRangeUm = 6'000'000;
+
 struct FusionConfig {
   VisitFootprint footprint;
   // Beams are followed this far for occupancy; hits beyond say only "free up to here".

@@ -15,7 +15,6 @@ namespace ivfm::host {
 namespace {
 
 constexpr TimeUs kErrorPeriodUs = 100'000;
-constexpr std::int32_t kMappingRangeUm = 6'000'000;
 
 class OdometryEstimator final : public PoseEstimator {
  public:
@@ -40,7 +39,7 @@ class MatchingEstimator final : public PoseEstimator {
       : map_(cells_.layers(), Profile::kCellUm, Profile::kWindowCells, 105'000),
         localization_(config(log), surfaces_.surface_entries, log.wheels, kMaxWheelUmS),
         lidar_in_robot_(log.lidar_in_robot) {
-    fusion_config_.mapping_range_um = kMappingRangeUm;
+    fusion_config_.mapping_range_um = kLidarMappingRangeUm;
     fusion_config_.doubt_changes = true;
     localization_.reset(log.start);
     map_.clear(map_.frame().cell_at(log.start.position));
@@ -100,7 +99,7 @@ class TruthEstimator final : public PoseEstimator {
   explicit TruthEstimator(const DriveLog& log)
       : log_(log),
         map_(cells_.layers(), RobotProfile::kCellUm, RobotProfile::kWindowCells, 105'000) {
-    fusion_config_.mapping_range_um = kMappingRangeUm;
+    fusion_config_.mapping_range_um = kLidarMappingRangeUm;
     fusion_config_.doubt_changes = true;
     map_.clear(map_.frame().cell_at(log.start.position));
   }

@@ -80,8 +80,8 @@ class UnknownStart : public SimulatedTeam {
     return !is_apart(robot);
   }
   void expect_joined(std::size_t robot) {
-    EXPECT_LT(error_m(robot), 0.10);
-    EXPECT_LT(error_deg(robot), 1.5);
+    EXPECT_LT(error_m(robot), 0.07);
+    EXPECT_LT(error_deg(robot), 1);
     for (const auto& each : robots_) each->agent().request_stop();
     run_for(5 * kSecondUs);
     EXPECT_FALSE(is_said_to_be_apart(robot));

@@ -20,7 +20,6 @@ std::int32_t to_um(double metres) { return static_cast<std::int32_t>(std::lround
 
 // The supervisor keeps this much more than the robot's radius free: lidar noise, old scans.
 constexpr std::int32_t kSafetyMarginUm = 30'000;
-constexpr std::int32_t kMappingRangeUm = 6'000'000;
 constexpr std::int32_t kMinMatchedCellUm = 40'000;
 
 ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um) {
@@ -33,8 +32,7 @@ ExplorerConfig explorer_config(const AgentOptions& options, std::int32_t cell_um
   // be half a cell nearer; the follower's deviations come on top.
   config.robot_radius_um = to_um(options.robot_radius_m) + cell_um + cell_um / 2;
   config.paths.tight_radius_um = to_um(options.robot_radius_m) + cell_um;
-  // Further away the noise of an RPLIDAR A1 (1 % of the range) exceeds a cell.
-  config.fusion.mapping_range_um = std::max(to_um(options.visit_range_m), kMappingRangeUm);
+  config.fusion.mapping_range_um = std::max(to_um(options.visit_range_m), kLidarMappingRangeUm);
   config.fusion.doubt_changes = true;
   config.min_goal_distance_um = config.robot_radius_um;
   config.return_to_start = options.return_home;
