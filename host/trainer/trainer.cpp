@@ -94,7 +94,7 @@ bool Trainer::run(const std::atomic<bool>& stop) {
     begin_phase(stop);
     learn_once();
     if (step_ % config_.report_every == 0) report_progress(loss_sum_ / losses_);
-    if (step_ % config_.evaluate_every == 0) evaluate();
+    if (step_ % config_.evaluate_every == 0 || step_ == config_.steps) evaluate();
     if (step_ % config_.checkpoint_every == 0 && step_ < config_.steps) {
       save_checkpoint();
       collector_.restart(random_);  // a resumed run does the same

@@ -10,7 +10,7 @@
 namespace ivfm::host {
 namespace {
 
-// A run of seconds: tiny batches, two episodes at a time, no evaluation.
+// A run of seconds: tiny batches, two episodes at a time, an evaluation at the end.
 TrainerConfig tiny_config(const std::string& name) {
   TrainerConfig c;
   c.out = testing::TempDir() + "trainer_test_" + name;
@@ -51,10 +51,10 @@ TEST(Trainer, ContinuesFromACheckpointWithTheSameLosses) {
   EXPECT_EQ(content(parts.out + "/curves.csv"), content(whole.out + "/curves.csv"));
 }
 
-TEST(Trainer, EvaluatesAndExportsAModelFile) {
+// A run that is shorter than the time between evaluations, too.
+TEST(Trainer, EvaluatesAtItsEndAndExportsAModelFile) {
   TrainerConfig config = tiny_config("export");
   config.steps = 3;
-  config.evaluate_every = 3;
   Trainer trainer(config, [](const std::string&) {});
   EXPECT_TRUE(trainer.run(kNever));
   EXPECT_TRUE(std::filesystem::exists(config.out + "/best.fnet"));
