@@ -23,6 +23,8 @@ struct LocalizationConfig {
   // Revolutions during which the robot turned more than this teach nothing: a lidar whose time is
   // some milliseconds off sees them turned. Binary angle units.
   std::uint16_t learn_turn = 546;
+  // Whether the lidar does: then much that is new at once means another place.
+  bool sees_all_around = true;
   MatcherConfig matcher;
 };
 
@@ -90,6 +92,8 @@ class Localization {
   void predict(const Pose& in_odometry);
   void judge_odometry(const Vector3& off);
   void judge(MatchOutcome outcome, const ExplorationMap& map);
+  std::int32_t could_fit() const;
+  std::int32_t share_that_fits() const;
   void weigh_doubt(MatchOutcome outcome);
   void relocate(const ExplorationMap& map, const Scan& scan);
   void put_at(const Pose& pose, const Pose& in_odometry);

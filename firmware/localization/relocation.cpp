@@ -12,6 +12,11 @@ constexpr std::size_t kSamples = 48;         // looked up for each pose
 constexpr std::size_t kPlacesPerStep = 48;   // 150,000 looks into the map
 constexpr std::int32_t kSamePlaceUm = 400'000;
 constexpr std::int32_t kSameTurn = 2'730;  // 15 degrees
+constexpr int kLooks = 6;                  // revolutions that a place is judged by
+// Where a robot is nearly all samples fit: at most so many percent of them may lie where the map is
+// unknown, or a quarter as many where nothing stands.
+constexpr std::int32_t kOddPercent = 36;
+constexpr std::int32_t kUnknownPerWrong = 4;
 
 }  // namespace
 
@@ -22,6 +27,8 @@ void Relocation::begin(const ExplorationMap& map) {
   judged_ = 0;
   best_ = {};
   second_ = 0;
+  looks_ = 0;
+  odd_ = could_fit_ = 0;
 }
 
 Relocation::Result Relocation::step(const ExplorationMap& map, const SurfaceMap& surfaces,
@@ -89,18 +96,29 @@ void Relocation::keep(const Candidate& candidate) {
   if (candidate.score > worst->score) *worst = candidate;
 }
 
-// A candidate a revolution, by the matcher.
+// A candidate a revolution, by the matcher; then the best of them again and again: among many poses
+// and searches one fits a single revolution by chance.
 Relocation::Result Relocation::judge(const ExplorationMap& map, const SurfaceMap& surfaces,
                                      ScanMatcher& matcher, const Scan& scan) {
   if (judged_ < kCandidates) {
     const Candidate& candidate = candidates_[judged_++];
-    if (candidate.score == 0) return Result::kSearching;
-    note(matcher.locate(map, surfaces, candidate.pose, scan));
+    if (candidate.score > 0) note(matcher.locate(map, surfaces, candidate.pose, scan));
     return Result::kSearching;
   }
-  if (best_.outcome == MatchOutcome::kMatched && second_ * 100 < support(best_) * 90) {
-    return Result::kFound;
+  const ScanMatch again = matcher.locate(map, surfaces, best_.pose, scan);
+  const bool alone = second_ * 100 < support(best_) * 90;
+  if (!alone || again.outcome != MatchOutcome::kMatched || !is_same_place(again, best_)) {
+    return give_up(map);
   }
+  best_ = again;
+  const std::int32_t could_fit = again.flat - again.on_backs;
+  odd_ += kUnknownPerWrong * (again.judged - again.fitting) + could_fit - again.judged;
+  could_fit_ += could_fit;
+  if (++looks_ < kLooks) return Result::kSearching;
+  return odd_ * 100 <= could_fit_ * kOddPercent ? Result::kFound : give_up(map);
+}
+
+Relocation::Result Relocation::give_up(const ExplorationMap& map) {
   begin(map);
   return Result::kNotFound;
 }

@@ -16,7 +16,7 @@ namespace ivfm {
 
 // Searches all free places of the map, some each revolution, while the robot stands: first coarsely
 // against the inflated obstacles, then by matching at the best few places. A place counts as found
-// only when it explains the scan and no other one does nearly as well.
+// only when it explains several revolutions and no other one explains nearly as much.
 class Relocation {
  public:
   enum class Result : std::uint8_t { kSearching, kFound, kNotFound };
@@ -42,6 +42,7 @@ class Relocation {
   Result judge(const ExplorationMap& map, const SurfaceMap& surfaces, ScanMatcher& matcher,
                const Scan& scan);
 
+  Result give_up(const ExplorationMap& map);
   void note(const ScanMatch& match);
   static bool is_same_place(const ScanMatch& a, const ScanMatch& b);
   static std::int32_t support(const ScanMatch& match);
@@ -52,6 +53,9 @@ class Relocation {
   std::size_t judged_ = 0;  // of the candidates
   ScanMatch best_;
   std::int32_t second_ = 0;  // support of the best match at another place
+  int looks_ = 0;            // at the best match's place, again
+  std::int32_t odd_ = 0;     // samples that do not fit there, wrong ones counted several times
+  std::int32_t could_fit_ = 0;
 };
 
 }  // namespace ivfm

@@ -13,10 +13,8 @@ constexpr std::int32_t kSearchTurn = 182;  // binary angle units: a degree
 constexpr double kRadiansPerUnit = 6.283185307179586 / 65536;
 // A sample's distance at weight 256 is known to 1 cm.
 constexpr double kInformationPerSample = 1 / (0.01 * 0.01);
-constexpr std::int32_t kLocatedPercent = 90;  // of the samples must fit where a lost robot is
-constexpr double kReachSquares = 9;           // squared standard deviations
-constexpr std::uint16_t kNearWeight = 79;     // 3 m
-constexpr std::int32_t kMaxSearchCells = 4;   // along each axis, in steps
+constexpr double kReachSquares = 9;          // squared standard deviations
+constexpr std::int32_t kMaxSearchCells = 4;  // along each axis, in steps
 constexpr std::int32_t kMaxStride = 3;
 
 std::int32_t rounded(double value) {
@@ -51,9 +49,7 @@ ScanMatch ScanMatcher::match(const ExplorationMap& map, const SurfaceMap& surfac
   ScanMatch nothing;
   nothing.pose = predicted;
   nothing.covariance = covariance;
-  nothing.near = static_cast<std::uint16_t>(std::ranges::count_if(
-      scan_surfaces_.samples(),
-      [](const SurfaceSample& s) { return s.is_flat() && s.weight_q8 >= kNearWeight; }));
+  nothing.flat = count_flat();
   if (scan_surfaces_.samples().size() < config_.min_samples) return nothing;
   const Symmetric3 information = covariance.inverse();
   ScanMatch best = refine(predicted, predicted, information);
@@ -79,6 +75,7 @@ ScanMatch ScanMatcher::match(const ExplorationMap& map, const SurfaceMap& surfac
     return nothing;
   }
   best.outcome = MatchOutcome::kMatched;
+  best.flat = nothing.flat;
   return best;
 }
 
@@ -90,13 +87,15 @@ ScanMatch ScanMatcher::locate(const ExplorationMap& map, const SurfaceMap& surfa
   look_at(scan, map.frame().cell_um());
   const Pose start = search_in_steps(guess, 1);
   ScanMatch found = refine(start, start, kAnywhereNear.inverse());
-  std::size_t flat = 0;
-  for (const SurfaceSample& sample : scan_surfaces_.samples()) flat += sample.is_flat() ? 1 : 0;
-  const bool good = found.judged >= config_.min_samples &&
-                    (found.judged + found.on_backs) * 3u >= flat * 2 &&
-                    found.explains(kLocatedPercent);
-  found.outcome = good ? MatchOutcome::kMatched : MatchOutcome::kPoorFit;
+  found.flat = count_flat();
+  found.outcome =
+      found.judged >= config_.min_samples ? MatchOutcome::kMatched : MatchOutcome::kUnknownPlace;
   return found;
+}
+
+std::uint16_t ScanMatcher::count_flat() const {
+  return static_cast<std::uint16_t>(
+      std::ranges::count_if(scan_surfaces_.samples(), &SurfaceSample::is_flat));
 }
 
 // Gauss-Newton steps from `start`; the prediction pulls with its `information`.

@@ -42,7 +42,7 @@ struct ScanMatch {
   bool explained_elsewhere = false;
   // Not judged: on obstacles that have not been seen from this side.
   std::uint16_t on_backs = 0;
-  std::uint16_t near = 0;  // samples within 3 m: places that a robot has mapped when it is there
+  std::uint16_t flat = 0;  // samples that face some way: all that can be judged at all
 
   bool explains(std::int32_t percent) const { return fitting * 100 >= judged * percent; }
 };
@@ -68,8 +68,8 @@ class ScanMatcher {
   ScanMatch match(const ExplorationMap& map, const SurfaceMap& surfaces, const Pose& predicted,
                   const Symmetric3& covariance, const Scan& scan);
 
-  // The same for a robot that has lost its place, somewhere around `guess`: only a match that
-  // explains nearly all of the scan counts.
+  // The same for a robot that has lost its place and may be somewhere around `guess`: how much the
+  // best pose there explains, whatever it is. kMatched, or kUnknownPlace.
   ScanMatch locate(const ExplorationMap& map, const SurfaceMap& surfaces, const Pose& guess,
                    const Scan& scan);
   // Only finds the scan's surfaces.
@@ -90,6 +90,7 @@ class ScanMatcher {
     std::uint16_t fitting = 0;
     std::uint16_t on_backs = 0;
   };
+  std::uint16_t count_flat() const;
   Evidence weigh(const Pose& pose, std::int32_t kernel_um) const;
   ScanMatch refine(Pose start, const Pose& predicted, const Symmetric3& information) const;
   Pose search(const Pose& predicted, const Symmetric3& covariance) const;

@@ -40,9 +40,10 @@ struct TimedTruth {
 struct DriveLog {
   WheelGeometry wheels;
   Pose start;  // in the robot's map frame
-  // These two are other robots' in recordings; drive log files hold only drives of ours.
+  // These three are other robots' in recordings; drive log files hold only drives of ours.
   Pose lidar_in_robot;
   std::int32_t matching_range_um = MatcherConfig{}.range_um;
+  bool sees_all_around = true;  // its lidar
   std::vector<WheelSample> wheel_samples;
   std::vector<Revolution> revolutions;
   std::vector<TimedTruth> truth;  // one a wheel sample

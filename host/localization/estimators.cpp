@@ -81,6 +81,7 @@ class MatchingEstimator final : public PoseEstimator {
     LocalizationConfig config;
     config.matching = true;
     config.matcher.range_um = log.matching_range_um;
+    config.sees_all_around = log.sees_all_around;
     return config;
   }
 

@@ -41,6 +41,7 @@ DriveLog to_drive_log(const Recording& recording) {
   const RecordedScan* before = nullptr;
   log.lidar_in_robot = recording.lidar_in_robot;
   log.matching_range_um = kMatchingRangeUm;
+  log.sees_all_around = false;
   const Pose robot_in_lidar = inverse(recording.lidar_in_robot);
   for (const RecordedScan& scan : recording.scans) {
     const TimeUs now_us = kStartUs + scan.time_us;
