@@ -33,6 +33,7 @@ constexpr std::int32_t kFitMemory = 16;  // revolutions
 // deviations of three numbers, is a surprise. Each makes its variances larger, each match without
 // one smaller again.
 constexpr double kSurprise = 6;
+constexpr double kLeastSpread = 0.3;  // of the prediction's variance, where the scan says nothing
 constexpr double kMistrustGrowth = 4;
 constexpr double kMistrustDecay = 15.0 / 16;
 constexpr double kMostMistrust = 1024;
@@ -126,16 +127,19 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
   if (match_.outcome == MatchOutcome::kMatched) {
     if (!has_matched_) usual_fit_ = share_that_fits();
     has_matched_ = true;
-    judge_odometry(difference(match_.pose, predicted));
+    judge_odometry(difference(match_.pose, predicted), covariance_, match_.covariance);
     covariance_ = match_.covariance;
     put_at(match_.pose, in_odometry);
   }
   return match_.outcome;
 }
 
-// How far the match is from the prediction, against how far it should be.
-void Localization::judge_odometry(const Vector3& off) {
-  const double squares = dot(off, covariance_.inverse() * off);
+// How far the match has moved from the prediction, against how far it should: where the scan says
+// little the prediction holds it, and a small move is a large surprise.
+void Localization::judge_odometry(const Vector3& off, const Symmetric3& before,
+                                  const Symmetric3& after) {
+  const Symmetric3 spread = before * (1 + kLeastSpread) + after * -1;
+  const double squares = dot(off, spread.inverse() * off);
   mistrust_ = squares > kSurprise ? std::min(mistrust_ * kMistrustGrowth, kMostMistrust)
                                   : std::max(mistrust_ * kMistrustDecay, 1.0);
 }

@@ -90,7 +90,7 @@ class Localization {
 
  private:
   void predict(const Pose& in_odometry);
-  void judge_odometry(const Vector3& off);
+  void judge_odometry(const Vector3& off, const Symmetric3& before, const Symmetric3& after);
   void judge(MatchOutcome outcome, const ExplorationMap& map);
   std::int32_t could_fit() const;
   std::int32_t share_that_fits() const;
