@@ -167,7 +167,7 @@ std::int32_t Localization::could_fit() const {
 }
 
 std::int32_t Localization::share_that_fits() const {
-  return kFitUnit * 100 * match_.fitting / std::max(1, could_fit());
+  return kFitUnit * 100 * match_.fitting / std::max<std::int32_t>(1, could_fit());
 }
 
 void Localization::weigh_doubt(MatchOutcome outcome) {

@@ -36,8 +36,6 @@ const char* name_of(Mishap mishap) {
   return "";
 }
 
-bool is_carried(Mishap mishap) { return mishap < Mishap::kSpin; }
-
 struct Outcome {
   int runs = 0;
   int right = 0;        // it knows where it is, 90 s later
@@ -62,8 +60,7 @@ class Recovery : public SimulatedTeam, public testing::WithParamInterface<Case> 
  protected:
   static constexpr TimeUs kSlipUs = 5 * kSecondUs;
   static constexpr TimeUs kAfterUs = 90 * kSecondUs;
-  // Farther off than this a robot is at a wrong place. In malaga's open halls drift alone brings it
-  // 0.4 m off.
+  // Farther off than this a robot is at a wrong place.
   static constexpr double kOffM = 0.5, kOffDeg = 10;
 
   static void TearDownTestSuite() {
@@ -182,10 +179,8 @@ TEST_P(Recovery, TakesNoWrongPlaceForItsOwn) {
   const Outcome outcome = play(world, mishap, static_cast<std::uint64_t>(seed));
   outcomes_[static_cast<std::size_t>(mishap)] += outcome;
   EXPECT_EQ(outcome.wrong_finds, 0);
-  if (is_carried(mishap)) {
-    EXPECT_EQ(outcome.wrong, 0);
-    EXPECT_LE(outcome.painted, 10);
-  }
+  EXPECT_EQ(outcome.wrong, 0);
+  EXPECT_LE(outcome.painted, 10);
 }
 
 INSTANTIATE_TEST_SUITE_P(, Recovery,
