@@ -13,19 +13,20 @@ constexpr double kRadiansPerUnit = 6.283185307179586 / 65536;
 constexpr double kStill = 0.0003;      // metres a revolution that are never known
 constexpr double kStillTurn = 0.0005;  // radians
 // Doubt, in 16ths of revolutions that have to fit before the map is painted on. What contradicts
-// the map adds to it, what fits it only half, too; the robot is lost when it reaches kLostDoubt.
+// the map adds to it; what suddenly fits less, or fits only farther off than the prediction allows,
+// adds less. The robot is lost when it reaches kLostDoubt.
 // Where nothing can be judged it wears off slowly: in the open, or before walls that were only ever
 // seen from their other side, no revolution will ever fit.
 constexpr std::int32_t kContradictionDoubt = 48;
-constexpr std::int32_t kHalfFitDoubt = 16;
+constexpr std::int32_t kMildDoubt = 16;
 constexpr std::int32_t kFitCertainty = 16;
 constexpr std::int32_t kUnjudgedCertainty = 1;
 constexpr std::int32_t kLostDoubt = 192;
 constexpr std::int32_t kFoundDoubt = 96;     // who has just found its place may be mistaken
 constexpr std::int32_t kLeastEvidence = 20;  // samples to judge by
-// What suddenly fits less: so many percent less of the whole scan than of late. A robot that drives
-// on sees little new from one revolution to the next, and never loses more than 13 percent of what
-// fitted (100,000 revolutions of recovery_test); one that was carried away sees most things anew.
+// What suddenly fits less: a share so many percent smaller than of late. A robot that drives on
+// sees little new from one revolution to the next; one that was carried away sees most things anew
+// (docs/localization.md has how much).
 constexpr std::int32_t kSuddenlyLess = 25;
 constexpr std::int32_t kFitUnit = 256;   // of a percent
 constexpr std::int32_t kFitMemory = 16;  // revolutions
@@ -39,7 +40,6 @@ constexpr double kMistrustDecay = 15.0 / 16;
 constexpr double kMostMistrust = 1024;
 // A prediction that contradicts the map is less sure than it says: its covariance grows.
 constexpr double kContradictionGrowth = 4;
-
 constexpr Symmetric3 kStartCovariance{1e-6, 0, 0, 1e-6, 0, 1e-6};
 constexpr Symmetric3 kAlignedCovariance{4e-4, 0, 0, 4e-4, 0, 1e-4};  // 2 cm, 0.6 degrees
 
@@ -127,7 +127,7 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
   if (match_.outcome == MatchOutcome::kMatched) {
     if (!has_matched_) usual_fit_ = share_that_fits();
     has_matched_ = true;
-    judge_odometry(difference(match_.pose, predicted), covariance_, match_.covariance);
+    judge_odometry(difference(match_.pose, predicted));
     covariance_ = match_.covariance;
     put_at(match_.pose, in_odometry);
   }
@@ -136,9 +136,8 @@ MatchOutcome Localization::correct(const ExplorationMap& map, const Scan& scan,
 
 // How far the match has moved from the prediction, against how far it should: where the scan says
 // little the prediction holds it, and a small move is a large surprise.
-void Localization::judge_odometry(const Vector3& off, const Symmetric3& before,
-                                  const Symmetric3& after) {
-  const Symmetric3 spread = before * (1 + kLeastSpread) + after * -1;
+void Localization::judge_odometry(const Vector3& off) {
+  const Symmetric3 spread = covariance_ * (1 + kLeastSpread) + match_.covariance * -1;
   const double squares = dot(off, spread.inverse() * off);
   mistrust_ = squares > kSurprise ? std::min(mistrust_ * kMistrustGrowth, kMostMistrust)
                                   : std::max(mistrust_ * kMistrustDecay, 1.0);
@@ -160,10 +159,9 @@ void Localization::judge(MatchOutcome outcome, const ExplorationMap& map) {
   relocation_.begin(map);
 }
 
-// How many samples would fit if nothing were new. Walls that have never been seen from this side
-// cannot; to a lidar that does not see all around, each turn shows something new.
+// To a lidar that does not see all around each turn shows something new: only what is known counts.
 std::int32_t Localization::could_fit() const {
-  return config_.sees_all_around ? match_.flat - match_.on_backs : match_.judged;
+  return config_.sees_all_around ? match_.could_fit() : match_.judged;
 }
 
 std::int32_t Localization::share_that_fits() const {
@@ -175,12 +173,12 @@ void Localization::weigh_doubt(MatchOutcome outcome) {
     doubt_ = static_cast<std::uint8_t>(std::max<std::int32_t>(0, doubt_ + by));
   };
   if (outcome == MatchOutcome::kPoorFit) {
-    change(match_.explained_elsewhere ? kHalfFitDoubt : kContradictionDoubt);
+    change(match_.explained_elsewhere ? kMildDoubt : kContradictionDoubt);
     return;
   }
   if (!has_matched_ || could_fit() < kLeastEvidence) return change(-kUnjudgedCertainty);
   const std::int32_t fit = share_that_fits();
-  if (fit < usual_fit_ - kFitUnit * kSuddenlyLess) return change(kHalfFitDoubt);
+  if (fit < usual_fit_ - kFitUnit * kSuddenlyLess) return change(kMildDoubt);
   change(outcome == MatchOutcome::kMatched ? -kFitCertainty : -kUnjudgedCertainty);
   usual_fit_ += (fit - usual_fit_) / kFitMemory;
 }

@@ -23,7 +23,7 @@ struct LocalizationConfig {
   // Revolutions during which the robot turned more than this teach nothing: a lidar whose time is
   // some milliseconds off sees them turned. Binary angle units.
   std::uint16_t learn_turn = 546;
-  // Whether the lidar does: then much that is new at once means another place.
+  // Whether the lidar sees all around: then much that is new at once means another place.
   bool sees_all_around = true;
   MatcherConfig matcher;
 };
@@ -71,7 +71,8 @@ class Localization {
   MatchOutcome correct(const ExplorationMap& map, const Scan& scan, TimeUs measured_us);
 
   // The last revolution fitted the map, or the place is new: it may be painted. Not true from the
-  // first revolution on that contradicts the map until others have fitted well.
+  // first revolution on that contradicts the map, or suddenly fits it less, until others have
+  // fitted well.
   bool trusted() const { return doubt_ == 0; }
   // Too much contradicted the map: stand still, correct() searches it.
   bool lost() const { return lost_; }
@@ -90,7 +91,7 @@ class Localization {
 
  private:
   void predict(const Pose& in_odometry);
-  void judge_odometry(const Vector3& off, const Symmetric3& before, const Symmetric3& after);
+  void judge_odometry(const Vector3& off);
   void judge(MatchOutcome outcome, const ExplorationMap& map);
   std::int32_t could_fit() const;
   std::int32_t share_that_fits() const;

@@ -105,15 +105,13 @@ Relocation::Result Relocation::judge(const ExplorationMap& map, const SurfaceMap
     if (candidate.score > 0) note(matcher.locate(map, surfaces, candidate.pose, scan));
     return Result::kSearching;
   }
-  const ScanMatch again = matcher.locate(map, surfaces, best_.pose, scan);
   const bool alone = second_ * 100 < support(best_) * 90;
-  if (!alone || again.outcome != MatchOutcome::kMatched || !is_same_place(again, best_)) {
-    return give_up(map);
-  }
+  if (!alone) return give_up(map);
+  const ScanMatch again = matcher.locate(map, surfaces, best_.pose, scan);
+  if (again.outcome != MatchOutcome::kMatched || !is_same_place(again, best_)) return give_up(map);
   best_ = again;
-  const std::int32_t could_fit = again.flat - again.on_backs;
-  odd_ += kUnknownPerWrong * (again.judged - again.fitting) + could_fit - again.judged;
-  could_fit_ += could_fit;
+  odd_ += kUnknownPerWrong * (again.judged - again.fitting) + again.could_fit() - again.judged;
+  could_fit_ += again.could_fit();
   if (++looks_ < kLooks) return Result::kSearching;
   return odd_ * 100 <= could_fit_ * kOddPercent ? Result::kFound : give_up(map);
 }

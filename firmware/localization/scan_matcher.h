@@ -44,6 +44,8 @@ struct ScanMatch {
   std::uint16_t on_backs = 0;
   std::uint16_t flat = 0;  // samples that face some way: all that can be judged at all
 
+  // How many samples would fit if nothing were new.
+  std::int32_t could_fit() const { return flat - on_backs; }
   bool explains(std::int32_t percent) const { return fitting * 100 >= judged * percent; }
 };
 
