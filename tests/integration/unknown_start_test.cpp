@@ -44,13 +44,14 @@ std::shared_ptr<const host::World> hall(double width_m, double height_m,
 class UnknownStart : public SimulatedTeam {
  protected:
   // Robot 1 knows where it starts, the others do not.
-  void add_robot(const Pose& start) {
+  void add_robot(const Pose& start) { add_robot(start, robots_.empty()); }
+  void add_robot(const Pose& start, bool knows_start) {
     AgentOptions options;
     options.robot_id = static_cast<int>(robots_.size()) + 1;
     options.visit_range_m = 2;
-    options.unknown_start = !robots_.empty();
+    options.unknown_start = !knows_start;
     AgentConfig config = make_agent_config(options, RobotProfile::kCellUm, 1);
-    if (robots_.empty()) config.start = start;
+    if (knows_start) config.start = start;
     SimulatedTeam::add_robot(config, start, "mild", replay::ProfileId::kRobot);
   }
   bool is_apart(std::size_t robot) const {
@@ -122,26 +123,44 @@ TEST_F(UnknownStart, InACorridorARobotJoinsOnceBothHaveSeenTheSamePart) {
   expect_to_join(1, 200 * kSecondUs);
 }
 
+// 11 m by 7.5 m: rooms on both sides of a corridor; doorways of 0.9 m.
+std::vector<Block> rooms() {
+  return {{0, 2.5, 1.2, 2.6},   {2.1, 2.5, 4.4, 2.6}, {5.3, 2.5, 8.9, 2.6}, {9.8, 2.5, 11, 2.6},
+          {0, 4.4, 2.8, 4.5},   {3.7, 4.4, 7.0, 4.5}, {7.9, 4.4, 11, 4.5},  {3.5, 0, 3.6, 2.5},
+          {7.2, 0, 7.3, 2.5},   {5.2, 4.5, 5.3, 7.5}, {0.6, 0.3, 1.4, 0.7}, {9.0, 6.4, 10.2, 7},
+          {6.1, 1.0, 6.5, 1.4}, {1.2, 6.6, 2.4, 7.0}};
+}
+
 TEST_F(UnknownStart, InABuildingARobotJoinsOnceBothHaveSeenTheSamePart) {
-  // Rooms on both sides of a corridor; doorways of 0.9 m.
-  world_ = hall(11, 7.5,
-                {{0, 2.5, 1.2, 2.6},
-                 {2.1, 2.5, 4.4, 2.6},
-                 {5.3, 2.5, 8.9, 2.6},
-                 {9.8, 2.5, 11, 2.6},
-                 {0, 4.4, 2.8, 4.5},
-                 {3.7, 4.4, 7.0, 4.5},
-                 {7.9, 4.4, 11, 4.5},
-                 {3.5, 0, 3.6, 2.5},
-                 {7.2, 0, 7.3, 2.5},
-                 {5.2, 4.5, 5.3, 7.5},
-                 {0.6, 0.3, 1.4, 0.7},
-                 {9.0, 6.4, 10.2, 7},
-                 {6.1, 1.0, 6.5, 1.4},
-                 {1.2, 6.6, 2.4, 7.0}});
+  world_ = hall(11, 7.5, rooms());
   add_robot({{1'600'000, 1'600'000}, BinaryAngle::from_degrees(45)});
   add_robot({{9'300'000, 5'400'000}, BinaryAngle::from_degrees(137)});
   expect_to_join(1, 300 * kSecondUs);
+}
+
+// The robot that does not know where it started maps the rooms; then it is locked into a closet that
+// it does not know, and the other one comes and maps them, too.
+TEST_F(UnknownStart, ARobotThatIsLostJoinsOnceItHasFoundItsPlaceAgain) {
+  std::vector<Block> blocks = rooms();
+  blocks.insert(blocks.end(), {{11, 0, 11.1, 7.5}, {11.1, 1.8, 13, 7.5}, {12.2, 1.2, 13, 1.8}});
+  world_ = hall(13, 7.5, blocks);
+  add_robot({{9'300'000, 5'400'000}, BinaryAngle::from_degrees(137)}, false);
+  const Agent& agent = robots_[0]->agent();
+  run_for(200 * kSecondUs);
+  ASSERT_GT(team_.server().apart_maps().at(1).obstacle_cells(), 1000u);
+  const host::TruePose place = robots_[0]->body().pose();
+  robots_[0]->carry_to({11.7, 0.9, 1});
+  run_for(5 * kSecondUs);
+  ASSERT_TRUE(agent.localization().lost());
+  add_robot({{1'600'000, 1'600'000}, BinaryAngle::from_degrees(45)}, true);
+  EXPECT_FALSE(joins(0, 300 * kSecondUs)) << "while it is lost";
+  EXPECT_TRUE(agent.localization().lost());
+  robots_[0]->carry_to(place);
+  ASSERT_TRUE(joins(0, 60 * kSecondUs));
+  run_for(5 * kSecondUs);
+  EXPECT_TRUE(agent.localization().trusted());
+  EXPECT_LT(error_m(0), 0.07);
+  EXPECT_LT(error_deg(0), 1);
 }
 
 TEST_F(UnknownStart, InASymmetricCorridorTheyStayApart) {
