@@ -23,7 +23,7 @@ constexpr std::int32_t kFitCertainty = 16;
 constexpr std::int32_t kUnjudgedCertainty = 1;
 constexpr std::int32_t kLostDoubt = 192;
 constexpr std::int32_t kFoundDoubt = 96;     // who has just found its place may be mistaken
-constexpr std::int32_t kLeastEvidence = 20;  // samples to judge by
+constexpr std::int32_t kLeastEvidence = 20;  // samples to judge by; fewer that fit count for less
 // What suddenly fits less: a share so many percent smaller than of late. A robot that drives on
 // sees little new from one revolution to the next; one that was carried away sees most things anew
 // (docs/localization.md has how much).
@@ -176,11 +176,14 @@ void Localization::weigh_doubt(MatchOutcome outcome) {
     change(match_.explained_elsewhere ? kMildDoubt : kContradictionDoubt);
     return;
   }
-  if (!has_matched_ || could_fit() < kLeastEvidence) return change(-kUnjudgedCertainty);
-  const std::int32_t fit = share_that_fits();
-  if (fit < usual_fit_ - kFitUnit * kSuddenlyLess) return change(kMildDoubt);
-  change(outcome == MatchOutcome::kMatched ? -kFitCertainty : -kUnjudgedCertainty);
-  usual_fit_ += (fit - usual_fit_) / kFitMemory;
+  if (has_matched_ && could_fit() >= kLeastEvidence) {
+    const std::int32_t fit = share_that_fits();
+    if (fit < usual_fit_ - kFitUnit * kSuddenlyLess) return change(kMildDoubt);
+    usual_fit_ += (fit - usual_fit_) / kFitMemory;
+  }
+  const std::int32_t evidence = outcome == MatchOutcome::kMatched ? match_.fitting : 0;
+  change(-std::clamp<std::int32_t>(kFitCertainty * evidence / kLeastEvidence, kUnjudgedCertainty,
+                                   kFitCertainty));
 }
 
 void Localization::relocate(const ExplorationMap& map, const Scan& scan) {

@@ -106,5 +106,26 @@ TEST_F(StandingRobot, DoubtWearsOffWhereNothingCanBeJudged) {
   EXPECT_TRUE(localization_.trusted());
 }
 
+// In the open a short wall and thin posts that face nowhere: a dozen points to go by.
+std::vector<Wall> wall_and_posts() {
+  std::vector<Wall> walls{{1, -0.3, 1, 0.3}};
+  for (int i = 2; i < 18; ++i) {
+    const double angle = i * 0.35, x = 2 * std::cos(angle), y = 2 * std::sin(angle);
+    walls.push_back({x - 0.03, y - 0.03, x + 0.03, y + 0.03});
+  }
+  return walls;
+}
+
+TEST_F(StandingRobot, WhereFewPointsFitEachTakesItsShareOfTheDoubt) {
+  look(wall_and_posts(), 12);
+  look(kRoomTurned, 2);
+  look(wall_and_posts(), 3);
+  ASSERT_EQ(localization_.last_match().outcome, MatchOutcome::kMatched);
+  ASSERT_LT(localization_.last_match().could_fit(), 20);
+  EXPECT_FALSE(localization_.trusted());
+  look(wall_and_posts(), 2);
+  EXPECT_TRUE(localization_.trusted());
+}
+
 }  // namespace
 }  // namespace ivfm
