@@ -197,7 +197,8 @@ void Agent::exchange_maps(TimeUs now_us) {
   }
   link_.set_status(status(now_us));
   link_.step(now_us, pose_);
-  // A move forgets the surfaces by which a robot in doubt will know its place again: that one waits.
+  // A move forgets the surfaces by which a robot in doubt will know its place again: that one
+  // waits.
   if (start_pose_ == StartPose::kApart && !localization_.trusted()) return;
   if (const std::optional<Pose> frame = link_.take_frame()) take_frame(*frame);
 }

@@ -187,7 +187,8 @@ void Localization::weigh_doubt(MatchOutcome outcome) {
 }
 
 void Localization::relocate(const ExplorationMap& map, const Scan& scan) {
-  const Relocation::Result result = relocation_.step(map, surfaces_, matcher_, scan);
+  const Relocation::Result result =
+      relocation_.step(map, surfaces_, matcher_, scan, to_map(matched_));
   if (result == Relocation::Result::kNotFound) ++counters_.searches;
   if (result != Relocation::Result::kFound) return;
   lost_ = false;

@@ -86,6 +86,34 @@ TEST_F(StandingRobot, IsLostThoughARevolutionFitsNowAndThen) {
   EXPECT_EQ(painted_, 12);
 }
 
+// kRoom when a gate has opened to a hall: two fifths of what is seen lie where nothing is known.
+const std::vector<Wall> kGateOpen{{-2, -1.5, 3, -1.5}, {3, -1.5, 3, -4},   {3, -4, 5.5, -4},
+                                  {5.5, -4, 5.5, 4.5}, {5.5, 4.5, 3, 4.5}, {3, 4.5, 3, 2.5},
+                                  {3, 2.5, -2, 2.5},   {-2, 2.5, -2, -1.5}};
+
+TEST_F(StandingRobot, DoubtsThenLooksAroundWhereMuchIsNewAndPaintsOnAsItHasNotMoved) {
+  look(kRoom, 12);
+  look(kGateOpen);
+  EXPECT_EQ(localization_.last_match().outcome, MatchOutcome::kMatched);
+  EXPECT_FALSE(localization_.trusted());
+  look(kGateOpen, 11);
+  EXPECT_TRUE(localization_.lost());
+  EXPECT_EQ(painted_, 12);
+  look(kGateOpen, 50);
+  EXPECT_TRUE(localization_.trusted());
+  EXPECT_GT(painted_, 12);
+}
+
+TEST_F(StandingRobot, WithALidarThatDoesNotSeeAllAroundDoubtsNothingThatIsNew) {
+  LocalizationConfig config = matching();
+  config.sees_all_around = false;
+  localization_ = {config, surface_cells_->surface_entries, {}, 1'000'000};
+  localization_.reset({});
+  look(kRoom, 12);
+  look(kGateOpen);
+  EXPECT_EQ(painted_, 13);
+}
+
 TEST_F(StandingRobot, PaintsOnOnceTheMapFitsAgain) {
   look(kRoom, 12);
   look(kRoomTurned);

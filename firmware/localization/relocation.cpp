@@ -16,6 +16,8 @@ constexpr int kLooks = 6;                  // revolutions that a place is judged
 // Where a robot is nearly all samples fit: at most so many percent of them may lie where the map is
 // unknown, or a quarter as many where nothing stands.
 constexpr std::int32_t kOddPercent = 36;
+// The place where it was lost is hardly found by chance: there a door may have opened, or closed.
+constexpr std::int32_t kOddPercentByWheels = 60;
 constexpr std::int32_t kUnknownPerWrong = 4;
 
 }  // namespace
@@ -32,8 +34,8 @@ void Relocation::begin(const ExplorationMap& map) {
 }
 
 Relocation::Result Relocation::step(const ExplorationMap& map, const SurfaceMap& surfaces,
-                                    ScanMatcher& matcher, const Scan& scan) {
-  if (next_.y >= region_.top()) return judge(map, surfaces, matcher, scan);
+                                    ScanMatcher& matcher, const Scan& scan, const Pose& by_wheels) {
+  if (next_.y >= region_.top()) return judge(map, surfaces, matcher, scan, by_wheels);
   const std::int32_t stride = std::max<std::int32_t>(1, kStrideUm / map.frame().cell_um());
   matcher.look_at(scan, map.frame().cell_um());
   std::array<Cell, kPlacesPerStep> places;
@@ -99,21 +101,28 @@ void Relocation::keep(const Candidate& candidate) {
 // A candidate a revolution, by the matcher; then the best of them again and again: among many poses
 // and searches one fits a single revolution by chance.
 Relocation::Result Relocation::judge(const ExplorationMap& map, const SurfaceMap& surfaces,
-                                     ScanMatcher& matcher, const Scan& scan) {
-  if (judged_ < kCandidates) {
-    const Candidate& candidate = candidates_[judged_++];
-    if (candidate.score > 0) note(matcher.locate(map, surfaces, candidate.pose, scan));
+                                     ScanMatcher& matcher, const Scan& scan,
+                                     const Pose& by_wheels) {
+  if (judged_ <= kCandidates) {
+    const std::size_t i = judged_++;
+    const bool is_candidate = i < kCandidates && candidates_[i].score > 0;
+    if (is_candidate) note(matcher.locate(map, surfaces, candidates_[i].pose, scan));
+    if (i == kCandidates) note(matcher.locate(map, surfaces, by_wheels, scan));
     return Result::kSearching;
   }
   const bool alone = second_ * 100 < support(best_) * 90;
   if (!alone) return give_up(map);
   const ScanMatch again = matcher.locate(map, surfaces, best_.pose, scan);
-  if (again.outcome != MatchOutcome::kMatched || !is_same_place(again, best_)) return give_up(map);
+  if (again.outcome != MatchOutcome::kMatched || !is_same_place(again.pose, best_.pose)) {
+    return give_up(map);
+  }
   best_ = again;
   odd_ += kUnknownPerWrong * (again.judged - again.fitting) + again.could_fit() - again.judged;
   could_fit_ += again.could_fit();
   if (++looks_ < kLooks) return Result::kSearching;
-  return odd_ * 100 <= could_fit_ * kOddPercent ? Result::kFound : give_up(map);
+  const bool expected = is_same_place(best_.pose, by_wheels);
+  const std::int32_t most_odd = expected ? kOddPercentByWheels : kOddPercent;
+  return odd_ * 100 <= could_fit_ * most_odd ? Result::kFound : give_up(map);
 }
 
 Relocation::Result Relocation::give_up(const ExplorationMap& map) {
@@ -124,15 +133,15 @@ Relocation::Result Relocation::give_up(const ExplorationMap& map) {
 // A place that is not known well enough to be taken may still be the right one.
 void Relocation::note(const ScanMatch& match) {
   if (support(match) <= support(best_)) {
-    if (!is_same_place(match, best_)) second_ = std::max(second_, support(match));
+    if (!is_same_place(match.pose, best_.pose)) second_ = std::max(second_, support(match));
     return;
   }
-  if (!is_same_place(match, best_)) second_ = std::max(second_, support(best_));
+  if (!is_same_place(match.pose, best_.pose)) second_ = std::max(second_, support(best_));
   best_ = match;
 }
 
-bool Relocation::is_same_place(const ScanMatch& a, const ScanMatch& b) {
-  return is_near(a.pose, b.pose, kSamePlaceUm, kSameTurn);
+bool Relocation::is_same_place(const Pose& a, const Pose& b) {
+  return is_near(a, b, kSamePlaceUm, kSameTurn);
 }
 
 // Samples that speak for a place, less those that speak against it.

@@ -15,8 +15,9 @@
 namespace ivfm {
 
 // Searches all free places of the map, some each revolution, while the robot stands: first coarsely
-// against the inflated obstacles, then by matching at the best few places. A place counts as found
-// only when it explains several revolutions and no other one explains nearly as much.
+// against the inflated obstacles, then by matching at the best few places, and at the one where the
+// wheels say it is. A place counts as found only when it explains several revolutions and no other
+// one explains nearly as much; of the wheels' place it suffices to explain less.
 class Relocation {
  public:
   enum class Result : std::uint8_t { kSearching, kFound, kNotFound };
@@ -24,9 +25,9 @@ class Relocation {
   // Begins at the first place.
   void begin(const ExplorationMap& map);
   // A revolution's share of the search. kFound: match() tells where; kNotFound: the whole map was
-  // searched, and the search began again.
+  // searched, and the search began again. `by_wheels`: where it would be had it only driven.
   Result step(const ExplorationMap& map, const SurfaceMap& surfaces, ScanMatcher& matcher,
-              const Scan& scan);
+              const Scan& scan, const Pose& by_wheels);
   const ScanMatch& match() const { return best_; }
 
  private:
@@ -40,11 +41,11 @@ class Relocation {
                   std::span<const Cell> places);
   void keep(const Candidate& candidate);
   Result judge(const ExplorationMap& map, const SurfaceMap& surfaces, ScanMatcher& matcher,
-               const Scan& scan);
+               const Scan& scan, const Pose& by_wheels);
 
   Result give_up(const ExplorationMap& map);
   void note(const ScanMatch& match);
-  static bool is_same_place(const ScanMatch& a, const ScanMatch& b);
+  static bool is_same_place(const Pose& a, const Pose& b);
   static std::int32_t support(const ScanMatch& match);
 
   CellRect region_;

@@ -138,8 +138,8 @@ TEST_F(UnknownStart, InABuildingARobotJoinsOnceBothHaveSeenTheSamePart) {
   expect_to_join(1, 300 * kSecondUs);
 }
 
-// The robot that does not know where it started maps the rooms; then it is locked into a closet that
-// it does not know, and the other one comes and maps them, too.
+// The robot that does not know where it started maps the rooms; then it is locked into a closet
+// that it does not know, and the other one comes and maps them, too.
 TEST_F(UnknownStart, ARobotThatIsLostJoinsOnceItHasFoundItsPlaceAgain) {
   std::vector<Block> blocks = rooms();
   blocks.insert(blocks.end(), {{11, 0, 11.1, 7.5}, {11.1, 1.8, 13, 7.5}, {12.2, 1.2, 13, 1.8}});
