@@ -27,6 +27,9 @@ constexpr std::int64_t kOtherPlaceUm = 500'000;
 constexpr std::int64_t kAgreeUm = 120'000;
 constexpr std::int32_t kAgreeTurn = 364;  // 2 degrees
 
+// Where another robot was longer ago says little about who looks at what next.
+constexpr TimeUs kTeammateAgeUs = 5'000'000;
+
 }  // namespace
 
 Agent::Agent(const AgentConfig& config, const AgentPorts& ports, Explorer& explorer,
@@ -276,8 +279,19 @@ bool Agent::looks_again(TimeUs now_us) const {
          now_us - decided_us_ >= config_.look_again_us;
 }
 
+void Agent::tell_explorer_of_teammates(TimeUs now_us) {
+  static_assert(RobotPlaces::kMost <= Teammates::kMost);
+  std::array<Point, Teammates::kMost> positions;
+  std::size_t count = 0;
+  for (const PeerRobot& peer : link_.peers()) {
+    if (now_us - peer.told_us <= kTeammateAgeUs) positions[count++] = peer.position;
+  }
+  explorer_.set_teammates(std::span(positions).first(count));
+}
+
 void Agent::decide() {
   const TimeUs before = clock_.now_us();
+  tell_explorer_of_teammates(before);
   decision_ = supervisor_.state() == RobotState::kReturning ? explorer_.select_return(pose_)
                                                             : explorer_.decide(pose_, network_);
   link_.clip(explorer_.map().frame().window());  // the window may have rolled

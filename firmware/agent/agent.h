@@ -132,6 +132,7 @@ class Agent {
   bool looks_again(TimeUs now_us) const;
   void drive(TimeUs now_us);
 
+  void tell_explorer_of_teammates(TimeUs now_us);
   void decide();
   bool action_is_over(TimeUs now_us);
   bool goes_around(TimeUs now_us);

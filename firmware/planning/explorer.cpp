@@ -52,6 +52,14 @@ void Explorer::re_express(const Pose& moved, bool alone) {
   last_ = {};
 }
 
+void Explorer::set_teammates(std::span<const Point> positions) {
+  std::array<Cell, Teammates::kMost> places;
+  const std::size_t count = std::min(positions.size(), places.size());
+  std::transform(positions.begin(), positions.begin() + static_cast<std::ptrdiff_t>(count),
+                 places.begin(), [&](Point p) { return map_.frame().cell_at(p); });
+  teammates_.set(std::span(places).first(count));
+}
+
 void Explorer::begin_action() {
   fusion_.begin_action(map_);
   action_ = {};
@@ -250,7 +258,7 @@ std::optional<FrontierGoal> Explorer::next_frontier(FrontierRule rule) const {
   if (config_.region_cells > 0) {
     // Less than a sixteenth of a region is crumbs: those are collected last, nearest first.
     const std::int32_t least = config_.region_cells * config_.region_cells / 16;
-    const auto rich = richest_region(map_, paths_, rich_area(), config_.region_cells,
+    const auto rich = richest_region(map_, paths_, teammates_, rich_area(), config_.region_cells,
                                      config_.region_way_cells, least);
     if (rich) return rich;
   }
@@ -279,7 +287,8 @@ std::optional<FrontierGoal> Explorer::find_frontier(FrontierRule rule, int min_s
 
 std::optional<FrontierView> Explorer::best_view(int min_size) const {
   const CellRect where = paths_.region().intersection(map_.known_rect().grown(1));
-  return best_frontier_view(map_, paths_, where, view_reach_cells(), stand_off_cells(), min_size);
+  return best_frontier_view(map_, paths_, teammates_, where, view_reach_cells(), stand_off_cells(),
+                            min_size);
 }
 
 // Whether there is still something to see at what was chosen to be looked at.
@@ -400,6 +409,7 @@ void Explorer::copy_from(const Explorer& other) {
   last_frontier_cost_ = other.last_frontier_cost_;
   tries_at_frontier_ = other.tries_at_frontier_;
   clearance_ = other.clearance_;
+  teammates_ = other.teammates_;
   q_values_ = other.q_values_;
 }
 

@@ -13,6 +13,7 @@
 #include "firmware/nn/q_function.h"
 #include "firmware/planning/frontier.h"
 #include "firmware/planning/path_planner.h"
+#include "firmware/planning/teammates.h"
 #include "firmware/planning/view_planner.h"
 
 namespace ivfm {
@@ -129,6 +130,11 @@ class Explorer {
   // The same once it has seen something, which moves along by `moved` (T_new_old of the map frame).
   void re_express(const Pose& moved, bool alone);  // see ExplorationMap
 
+  // Where other robots are now, in the map frame: far goals that they are nearer to count less.
+  // Until told otherwise; at first there are none. Of more than Teammates::kMost the first count.
+  void set_teammates(std::span<const Point> positions);
+  const Teammates& teammates() const { return teammates_; }
+
   // Begins an action: visits count once per action on the union of its views.
   void begin_action();
   // Fuses a scan taken at `pose`. `count_visits` false: occupancy only.
@@ -233,6 +239,7 @@ class Explorer {
   std::int32_t last_frontier_cost_ = 0;  // of the way there when it was chosen
   std::int32_t idle_actions_ = 0;
   std::int32_t tries_at_frontier_ = 0;
+  Teammates teammates_;
   Clearance clearance_ = Clearance::kPreferred;  // of the way to the last goal
   std::array<std::int32_t, kPolicyGridSize> q_values_{};
 };

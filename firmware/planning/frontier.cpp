@@ -14,6 +14,9 @@ struct Region {
   std::int64_t cells = 0, sum_x = 0, sum_y = 0;
   std::int32_t nearest_cost = path::kUnreachable;
 
+  Cell middle() const {
+    return {static_cast<std::int32_t>(sum_x / cells), static_cast<std::int32_t>(sum_y / cells)};
+  }
   Region united(const Region& o) const {
     return {rect.united(o.rect), cells + o.cells, sum_x + o.sum_x, sum_y + o.sum_y,
             std::min(nearest_cost, o.nearest_cost)};
@@ -162,24 +165,32 @@ bool has_reachable_frontier(const ExplorationMap& map, const ShortestPathMap& pa
 }
 
 std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const ShortestPathMap& paths,
-                                           const CellRect& rect, std::int32_t side,
-                                           std::int32_t way, std::int32_t least) {
+                                           const Teammates& teammates, const CellRect& rect,
+                                           std::int32_t side, std::int32_t way,
+                                           std::int32_t least) {
   const CellRect all = paths.region().intersection(rect);
-  const std::int32_t half = side / 2;
+  const std::int32_t half = side / 2, detour = way * path::kStraight;
   const auto half_at = [&](std::int32_t x, std::int32_t y) {
     return survey(map, CellRect{x, y, half, side}.intersection(all));
   };
   Region best;
+  std::int64_t best_worth = 0, best_cost = 1;
   for (std::int32_t y = all.y; y < all.top(); y += half) {
     Region right = half_at(all.x, y);
     for (std::int32_t x = all.x; x < all.right(); x += half) {
       const Region left = right;
       right = half_at(x + half, y);
-      Region region = left.united(right);
-      if (region.cells < least) continue;
-      region.nearest_cost += way * path::kStraight;
-      if (region.cells * best.nearest_cost <= best.cells * region.nearest_cost) continue;
+      const Region region = left.united(right);
+      if (region.cells < std::max<std::int32_t>(least, 1)) continue;
+      const std::int32_t way_inside = side / 4 * path::kStraight;  // to its middle
+      const std::int64_t worth =
+          region.cells *
+          teammates.share_left(region.middle(), region.nearest_cost + way_inside, detour);
+      const std::int64_t cost = region.nearest_cost + detour;
+      if (worth * best_cost <= best_worth * cost) continue;
       best = region;
+      best_worth = worth;
+      best_cost = cost;
     }
   }
   if (best.cells == 0) return std::nullopt;

@@ -6,6 +6,7 @@
 
 #include "firmware/mapping/exploration_map.h"
 #include "firmware/mapping/shortest_path_map.h"
+#include "firmware/planning/teammates.h"
 
 namespace ivfm {
 
@@ -50,12 +51,13 @@ std::optional<FrontierGoal> nearest_frontier(const ExplorationMap& map,
 
 // Where most is left to see for the way there, for robots that may drive into the unknown: the
 // region of `side` x `side` cells (an even number) of `rect` with the most unseen cells in reach,
-// divided by the path to the nearest of them and `way` cells more. Regions overlap by half.
+// divided by the path to the nearest of them and `way` cells more, less what `teammates` are nearer
+// to. Regions overlap by half.
 // `frontier` and `stand` are the unseen cell nearest to the middle of the region's unseen cells. No
 // value when every region holds fewer than `least` such cells. Ties: lowest row, then column.
 std::optional<FrontierGoal> richest_region(const ExplorationMap& map, const ShortestPathMap& paths,
-                                           const CellRect& rect, std::int32_t side,
-                                           std::int32_t way, std::int32_t least);
+                                           const Teammates& teammates, const CellRect& rect,
+                                           std::int32_t side, std::int32_t way, std::int32_t least);
 
 // How many unseen cells of `rect` can be driven to.
 std::int32_t count_reachable_unseen(const ExplorationMap& map, const ShortestPathMap& paths,

@@ -85,7 +85,7 @@ TEST(Frontier, SpecksAreNotWide) {
 }
 
 std::optional<FrontierGoal> richest(const Drawn& world, std::int32_t least) {
-  return richest_region(world.map, world.paths, world.region, 4, 2, least);
+  return richest_region(world.map, world.paths, {}, world.region, 4, 2, least);
 }
 
 TEST(RichestRegion, WeighsWhatIsUnseenAgainstTheWayThere) {
@@ -100,7 +100,23 @@ TEST(RichestRegion, WeighsWhatIsUnseenAgainstTheWayThere) {
   EXPECT_EQ(all->frontier.x, 9) << "the first region that is all unseen, not the pocket";
   EXPECT_EQ(richest(world, 17), std::nullopt) << "a region holds 16";
   const CellRect seen = world.map.known_rect();
-  EXPECT_EQ(richest_region(world.map, world.paths, seen, 4, 2, 1)->frontier, (Cell{1, 1}));
+  EXPECT_EQ(richest_region(world.map, world.paths, {}, seen, 4, 2, 1)->frontier, (Cell{1, 1}));
+}
+
+TEST(RichestRegion, LeavesToATeammateWhatThatIsNearerTo) {
+  Drawn world({"    ............    ",  //
+               "    ............    ",  //
+               "    ............    ",  //
+               "    ............    "});
+  world.paths.compute(world.map, {9, 1}, world.region);
+  EXPECT_LT(richest(world, 1)->frontier.x, 4) << "a little nearer";
+  Teammates teammates;
+  teammates.set(std::array{Cell{6, 2}});
+  const auto region = [&](const CellRect& rect) {
+    return richest_region(world.map, world.paths, teammates, rect, 4, 2, 1)->frontier;
+  };
+  EXPECT_GE(region(world.region).x, 16);
+  EXPECT_LT(region({0, 0, 16, 4}).x, 4) << "what is left is not left to a teammate alone";
 }
 
 TEST(RichestRegion, LeavesOutWhatIsOutOfReachOrGivenUp) {
@@ -167,7 +183,7 @@ TEST(RichestRegion, IsWhatItsDefinitionSaysOnRandomMaps) {
     const std::int32_t side = 2 + 2 * static_cast<std::int32_t>(random() % 5);
     const auto way = static_cast<std::int32_t>(random() % 20);
     const auto least = static_cast<std::int32_t>(random() % 9);
-    ASSERT_EQ(richest_region(world.map, world.paths, world.region, side, way, least),
+    ASSERT_EQ(richest_region(world.map, world.paths, {}, world.region, side, way, least),
               richest_by_definition(world, side, way, least))
         << round;
   }
@@ -195,12 +211,33 @@ TEST(View, AViewIsWeighedAgainstTheWayToIt) {
                "####################"});
   world.paths.compute(world.map, {8, 3}, world.region.grown(4));
   const auto nearest = nearest_frontier(world.map, world.paths, world.region.grown(4), 1, 2);
-  const auto best = best_frontier_view(world.map, world.paths, world.region.grown(4), 12, 1, 2);
+  const auto best = best_frontier_view(world.map, world.paths, {}, world.region.grown(4), 12, 1, 2);
   ASSERT_TRUE(nearest && best);
   EXPECT_LT(nearest->frontier.x, 8);
   EXPECT_EQ(best->goal.frontier.x, 20);
   EXPECT_TRUE(ViewValue({10, 2}).is_better_than({14, 3}));
   EXPECT_FALSE(ViewValue({10, 2}).is_better_than({15, 3}));
+}
+
+TEST(View, WhatATeammateIsNearerToIsLeftToIt) {
+  Drawn world({"##################",  //
+               "..................",  //
+               "..................",  //
+               "##################"});
+  const CellRect rect = world.region.grown(4);
+  world.paths.compute(world.map, {8, 1}, rect);
+  Teammates teammates;
+  const auto best = [&](const CellRect& where) {
+    return best_frontier_view(world.map, world.paths, teammates, where, 6, 1, 2);
+  };
+  const auto alone = best(rect);
+  ASSERT_TRUE(alone);
+  EXPECT_LT(alone->goal.frontier.x, 0) << "a little nearer";
+  teammates.set(std::array{Cell{4, 1}});
+  EXPECT_GT(best(rect)->goal.frontier.x, 17);
+  const auto left = best({-4, 0, 10, 4});
+  EXPECT_EQ(left->goal, alone->goal);
+  EXPECT_LT(left->value.cells, alone->value.cells);
 }
 
 TEST(View, FrontiersInSightOfEachOtherCountForEachOther) {

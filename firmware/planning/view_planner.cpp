@@ -63,11 +63,13 @@ std::int32_t others_in_sight(const ExplorationMap& map, std::span<FrontierTable:
   return count;
 }
 
+// Added to each way: tiny ways to tiny gains lose.
+std::int32_t detour_of(std::int32_t reach) { return reach * 4 / 15 * path::kStraight; }
+
 ViewValue value_of(std::int64_t unseen, std::uint16_t path_cost, std::int32_t reach,
                    std::int64_t halves_closed) {
-  const std::int64_t half = reach * reach / 4;                   // a twelfth of the view's circle
-  const std::int32_t detour = reach * 4 / 15 * path::kStraight;  // tiny ways to tiny gains lose
-  return {unseen + half * halves_closed, std::int64_t{path_cost} + detour};
+  const std::int64_t half = reach * reach / 4;  // a twelfth of the view's circle
+  return {unseen + half * halves_closed, std::int64_t{path_cost} + detour_of(reach)};
 }
 
 }  // namespace
@@ -99,7 +101,8 @@ ViewValue value_of_view(const ExplorationMap& map, Cell stand, std::uint16_t pat
 }
 
 std::optional<FrontierView> best_frontier_view(const ExplorationMap& map,
-                                               const ShortestPathMap& paths, const CellRect& rect,
+                                               const ShortestPathMap& paths,
+                                               const Teammates& teammates, const CellRect& rect,
                                                std::int32_t reach, std::int32_t stand_off,
                                                int min_size) {
   FrontierTable table(reach / 3);
@@ -115,8 +118,9 @@ std::optional<FrontierView> best_frontier_view(const ExplorationMap& map,
                                     1 + static_cast<std::int64_t>(table.entries().size()));
     if (best && !most.is_better_than(best->value)) continue;
     const std::int32_t others = others_in_sight(map, table.entries(), entry, reach * 2 / 3);
-    const ViewValue value =
-        value_of_view(map, entry.goal.stand, entry.goal.path_cost, reach, 2 + others);
+    ViewValue value = value_of_view(map, entry.goal.stand, entry.goal.path_cost, reach, 2 + others);
+    value.cells *= teammates.share_left(entry.goal.stand, entry.goal.path_cost, detour_of(reach));
+    value.cells /= Teammates::kWhole;
     if (!best || value.is_better_than(best->value)) best = FrontierView{entry.goal, value};
   }
   return best;

@@ -38,11 +38,12 @@ struct FrontierView {
 // The frontier in `rect` whose view is worth most; no value when none is reachable. Frontier cells
 // close to each other count as one frontier. A frontier left behind has to be come back for, so
 // each counts as much as a sixth of a whole view when it is looked at, and half of that when it is
-// in sight from there. `reach`: of the view, in cells. `stand_off`, `min_size`: see
-// nearest_frontier(). Of more than 32 frontiers the nearest are weighed. Ties: the
-// lowest cell index.
+// in sight from there; what `teammates` are nearer to counts less. `reach`: of the view, in cells.
+// `stand_off`, `min_size`: see nearest_frontier(). Of more than 32 frontiers the nearest are
+// weighed. Ties: the lowest cell index.
 std::optional<FrontierView> best_frontier_view(const ExplorationMap& map,
-                                               const ShortestPathMap& paths, const CellRect& rect,
+                                               const ShortestPathMap& paths,
+                                               const Teammates& teammates, const CellRect& rect,
                                                std::int32_t reach, std::int32_t stand_off,
                                                int min_size);
 

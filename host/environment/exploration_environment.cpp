@@ -16,11 +16,12 @@ namespace {
 
 // New ways an action may take around what it sees, before it gives up.
 constexpr int kMaxDetours = 8;
-constexpr std::int32_t kStepUm = 1'000;        // forward, a simulation step
-constexpr std::int32_t kTurnStep = 546;        // 3 degrees in binary angle units
-constexpr std::int32_t kContactGapUm = 2'000;  // robots come to rest this short of an obstacle
-constexpr std::int32_t kSafetyGapUm = 20'000;  // and this short where the lidar stops them
-constexpr double kIdleUm = 5'000;              // method.md, "Reward"
+constexpr std::int32_t kToldWithinUm = 14'000'000;  // as the map server tells of others
+constexpr std::int32_t kStepUm = 1'000;             // forward, a simulation step
+constexpr std::int32_t kTurnStep = 546;             // 3 degrees in binary angle units
+constexpr std::int32_t kContactGapUm = 2'000;       // robots come to rest this short of an obstacle
+constexpr std::int32_t kSafetyGapUm = 20'000;       // and this short where the lidar stops them
+constexpr double kIdleUm = 5'000;                   // method.md, "Reward"
 constexpr double kIdleRad = 0.017453292519943295;
 constexpr std::int32_t kExtentMarginCells = 3;  // walls are seen just outside the world
 constexpr std::int32_t kMostWindowCells = 1536;
@@ -321,6 +322,24 @@ StepResult ExplorationEnvironment::step_to(int agent, Cell goal) {
   Decision decision;
   const Status status = explorer(agent).select_cell(pose(agent), goal, decision);
   return ok(status) ? act(agent) : stay(agent);
+}
+
+Decision ExplorationEnvironment::decide(int agent, QFunction& q) {
+  explorer(agent).set_teammates(others_near(agent));
+  return explorer(agent).decide(pose(agent), q);
+}
+
+std::vector<Point> ExplorationEnvironment::others_near(int agent) const {
+  const Point here = pose(agent).position;
+  std::vector<Point> near;
+  for (int other = 0; other < agents(); ++other) {
+    const Point there = pose(other).position;
+    const std::int32_t away =
+        std::max(std::abs(there.x_um - here.x_um), std::abs(there.y_um - here.y_um));
+    if (other != agent && away <= kToldWithinUm) near.push_back(there);
+  }
+  std::ranges::stable_sort(near, {}, [&](Point p) { return squared_distance_um2(p, here); });
+  return near;
 }
 
 StepResult ExplorationEnvironment::step_decision(int agent, const Decision& decision) {

@@ -186,7 +186,10 @@ class ExplorationEnvironment {
   // within half the robot's width of the line, else along the shortest path to the reachable cell
   // nearest to it and from there straight on, into whatever is there.
   StepResult step_towards(int agent, Point target);
-  // One action: drives what the agent's explorer decided (Explorer::decide).
+  // What the agent's explorer decides (Explorer::decide); it knows where the others stand as far as
+  // the map server would tell it: the nearest ones within 14 m.
+  Decision decide(int agent, QFunction& q);
+  // One action: drives what the agent's explorer decided.
   StepResult step_decision(int agent, const Decision& decision);
 
   Explorer& explorer(int agent) { return agents_[static_cast<std::size_t>(agent)].explorer.get(); }
@@ -218,6 +221,7 @@ class ExplorationEnvironment {
   void add_agent(std::size_t index, const Pose& start, std::int32_t window_cells);
   void find_explorable_cells();
 
+  std::vector<Point> others_near(int agent) const;
   StepResult act(int agent);
   StepResult act_along(int agent, std::span<const Point> waypoints);
   StepResult stay(int agent);

@@ -150,6 +150,35 @@ TEST(ExplorationEnvironment, RobotsStopAtEachOtherAndShareWhatTheySee) {
   EXPECT_EQ(env.next_agent(), 1);
 }
 
+// In a corridor, a small unseen patch 4 m before the first robot, a large one 13 m; the second
+// robot stands at `other`.
+Cell goal_beside(Point other) {
+  EnvironmentConfig config = EnvironmentConfig::arena();
+  config.window_cells = 1'344;  // 21 m
+  ExplorationEnvironment env(config);
+  env.reset(empty_room(20, {{{-8'000'000, 0}, {}}, {other, {}}}));
+  ExplorationMap& map = env.explorer(0).map();
+  const GridFrame& frame = map.frame();
+  const Cell small = frame.cell_at({-4'000'000, 0}), large = frame.cell_at({5'000'000, 0});
+  const CellRect patches[] = {{small.x, small.y - 8, 16, 16}, {large.x, large.y - 32, 64, 64}};
+  const CellRect window = frame.window().grown(-1);
+  for (std::int32_t x = window.x; x < window.right(); ++x) {
+    for (const std::int32_t wall : {-70, 70}) map.add_evidence({x, wall}, occupancy::kHit);
+    for (std::int32_t y = -69; y < 70; ++y) {
+      const Cell c{x, y};
+      if (!patches[0].contains(c) && !patches[1].contains(c)) map.count_visit(c);
+    }
+  }
+  NoModel nobody;
+  return env.decide(0, nobody).goal;
+}
+
+TEST(ExplorationEnvironment, ARobotLeavesToTheOthersWhatTheyAreNearerToAsFarAsItIsTold) {
+  EXPECT_GT(goal_beside({8'000'000, 0}).x, 0) << "16 m away: not told";
+  EXPECT_LT(goal_beside({5'000'000, 0}).x, 0) << "13 m away, at the large patch";
+  EXPECT_GT(goal_beside({-9'000'000, 0}).x, 0) << "behind it";
+}
+
 TEST(ExplorationEnvironment, TotalsAreTheSumOverTheRobotsVisitLayers) {
   ExplorationEnvironment env(EnvironmentConfig::arena());
   env.reset(random_arena(ArenaKind::k1x, 3, 5));

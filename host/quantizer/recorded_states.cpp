@@ -37,7 +37,7 @@ void record_world(QFunction& q, const EnvironmentConfig& config, Draw draw, int 
   for (std::uint64_t episode = 0; wanted > 0; ++episode) {
     env.reset(draw(Random(seed, episode).next()));
     for (int action = 0; action < 400 && wanted > 0 && !env.is_done(); ++action) {
-      const Decision decision = env.explorer(0).decide(env.pose(0), noted);
+      const Decision decision = env.decide(0, noted);
       if (noted.take_asked() && action % every == 0) {
         const LocalState& state = env.state(0);
         out.states.insert(out.states.end(), state.channels.begin(), state.channels.end());

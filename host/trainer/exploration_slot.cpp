@@ -96,7 +96,7 @@ Earning earning_of(const StepResult& result, const ExplorationEnvironment& envir
 StepResult step_as_explorer(ExplorationEnvironment& environment, int agent, int policy_cell,
                             bool& is_local) {
   ChosenGoal goal(policy_cell);
-  const Decision decision = environment.explorer(agent).decide(environment.pose(agent), goal);
+  const Decision decision = environment.decide(agent, goal);
   is_local = decision.kind == Decision::Kind::kLocalGoal;
   return environment.step_decision(agent, decision);
 }

@@ -80,6 +80,18 @@ class MeetingRobots : public SimulatedTeam {
   int most_ghosts_ = 0;
 };
 
+TEST_F(MeetingRobots, TheirPlannersKnowWhereTheOtherIsWhileItTells) {
+  const Explorer& explorer = robots_[0]->agent().explorer();
+  run_for(20 * kSecondUs);
+  const auto places = explorer.teammates().places();
+  ASSERT_EQ(places.size(), 1u);
+  EXPECT_GT(places[0].x, explorer.map().frame().cell_at({6'000'000, 0}).x);
+  EXPECT_LT(places[0].x, explorer.map().frame().cell_at({12'000'000, 0}).x);
+  team_.withhold(MessageKind::kPlaces);
+  run_for(20 * kSecondUs);
+  EXPECT_TRUE(explorer.teammates().places().empty());
+}
+
 TEST_F(MeetingRobots, AreNoPartOfTheMap) {
   explore();
   EXPECT_LE(most_ghosts_, 5);  // a pillar's edge is misplaced now and then while a robot turns

@@ -5,7 +5,7 @@
 namespace ivfm::host {
 
 StepResult QNetworkPolicy::act(ExplorationEnvironment& env, int agent) {
-  return env.step_decision(agent, env.explorer(agent).decide(env.pose(agent), model_.network()));
+  return env.step_decision(agent, env.decide(agent, model_.network()));
 }
 
 FloatNetworkPolicy::FloatNetworkPolicy(const std::filesystem::path& path)
@@ -20,7 +20,7 @@ FloatNetworkPolicy::FloatNetworkPolicy(const FloatNetwork& network)
 StepResult FloatNetworkPolicy::act(ExplorationEnvironment& env, int agent) {
   explorer_ = &env.explorer(agent);
   pose_ = env.pose(agent);
-  return env.step_decision(agent, env.explorer(agent).decide(pose_, function_));
+  return env.step_decision(agent, env.decide(agent, function_));
 }
 
 }  // namespace ivfm::host
