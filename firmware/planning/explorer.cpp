@@ -236,10 +236,18 @@ std::optional<FrontierGoal> Explorer::choose_frontier(FrontierRule rule) {
 
 // Notes one more try at a frontier; gives it up, and answers false, when several were in vain.
 bool Explorer::worth_trying(const FrontierGoal& frontier) {
-  // A try that brought the robot nearer was not in vain, whatever cut it short.
-  const bool in_vain = frontier.frontier == last_frontier_ &&
-                       frontier.path_cost + path::kStraight > last_frontier_cost_;
-  tries_at_frontier_ = in_vain ? tries_at_frontier_ + 1 : 0;
+  // A try that brought the robot nearer was not in vain, whatever cut it short, nor does it make up
+  // for those that were: a robot may go to and fro for ever before what only looks open from afar.
+  const Cell at = frontier.frontier;
+  const bool again = std::max(std::abs(at.x - last_frontier_.x),
+                              std::abs(at.y - last_frontier_.y)) <= stand_off_cells();
+  const bool nearer = frontier.path_cost + path::kStraight <= last_frontier_cost_;
+  const bool saw_new = action_.newly_seen_cells >= config_.min_gain_cells;
+  if (!again || saw_new) {
+    tries_at_frontier_ = 0;
+  } else if (!nearer) {
+    ++tries_at_frontier_;
+  }
   last_frontier_ = frontier.frontier;
   last_frontier_cost_ = frontier.path_cost;
   if (tries_at_frontier_ <= 3) return true;

@@ -238,7 +238,7 @@ class Explorer {
   Cell last_frontier_{};
   std::int32_t last_frontier_cost_ = 0;  // of the way there when it was chosen
   std::int32_t idle_actions_ = 0;
-  std::int32_t tries_at_frontier_ = 0;
+  std::int32_t tries_at_frontier_ = 0;  // in vain, since something new was seen
   Teammates teammates_;
   Clearance clearance_ = Clearance::kPreferred;  // of the way to the last goal
   std::array<std::int32_t, kPolicyGridSize> q_values_{};

@@ -167,6 +167,25 @@ TEST_F(ExplorerTest, InterruptedWaysThatCameNearerAreNotInVain) {
   }
 }
 
+TEST_F(ExplorerTest, AFrontierThatTheRobotGoesToAndFroBeforeIsGivenUp) {
+  policy_led_->start(home_);
+  (void)policy_led_->fuse(home_, room_scan(3000, 2000));
+  NoModel q;
+  const Cell goal = policy_led_->decide(home_, q).goal;
+  const Point end = policy_led_->map().frame().center_of(goal);
+  int rounds = 0;
+  for (Cell next = goal; next == goal && rounds < 50; ++rounds) {
+    policy_led_->begin_action();
+    const int tenth = 1 + rounds % 4;  // nearer, nearer, nearer, and back
+    const Pose here{{home_.position.x_um + (end.x_um - home_.position.x_um) / 10 * tenth,
+                     home_.position.y_um + (end.y_um - home_.position.y_um) / 10 * tenth},
+                    {}};
+    next = policy_led_->decide(here, q).goal;
+  }
+  EXPECT_GT(rounds, 8);
+  EXPECT_LT(rounds, 20);
+}
+
 TEST_F(ExplorerTest, TheMostRewardingViewComesBeforeThePolicysCrumbs) {
   explorer_->start(home_);
   (void)explorer_->fuse(home_, room_scan(3000, 2000));
