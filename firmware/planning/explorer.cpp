@@ -37,6 +37,7 @@ void Explorer::start(const Pose& pose, Point window_center) {
   last_ = {};
   idle_actions_ = 0;
   tries_at_frontier_ = 0;
+  teammates_ = {};
   fusion_.begin_action(map_);
 }
 
